@@ -1,0 +1,1 @@
+"""Bases of functions on a normalised interval and their matrices; NumPy and SciPy only."""
