@@ -1,0 +1,36 @@
+"""The expression language of job documents: read once, evaluated over floats, NumPy arrays or symbols.
+
+Own tokenizer and Pratt parser; what is read is never handed to Python's ``eval`` or ``ast``.
+"""
+
+from solvers.expressions.expression import Expression
+from solvers.expressions.parser import (
+    MAX_CHARACTERS,
+    MAX_DEPTH,
+    MAX_OPERATIONS,
+    ExpressionLimitError,
+    parse,
+)
+from solvers.expressions.vocabulary import (
+    CONSTANTS,
+    FUNCTIONS,
+    NUMPY_FUNCTIONS,
+    RESERVED,
+    did_you_mean,
+    quoted,
+)
+
+__all__ = [
+    "CONSTANTS",
+    "FUNCTIONS",
+    "MAX_CHARACTERS",
+    "MAX_DEPTH",
+    "MAX_OPERATIONS",
+    "NUMPY_FUNCTIONS",
+    "RESERVED",
+    "Expression",
+    "ExpressionLimitError",
+    "did_you_mean",
+    "parse",
+    "quoted",
+]
