@@ -15,7 +15,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy import sparse
 from scipy.interpolate import BSpline
-from scipy.linalg import solve_banded
+
+from solvers.bases.banded import solve_banded_system
 
 Array = NDArray[np.float64]
 
@@ -110,7 +111,7 @@ class CubicSplineSpace:
         clamped = self._clamped(degree)
         integrals = (clamped[degree + 1 :] - clamped[: -degree - 1]) / (degree + 1)
         values = BSpline.design_matrix(points, clamped, degree)
-        weights: Array = _solve(sparse.csr_array(values.T), integrals)
+        weights: Array = solve_banded_system(sparse.csr_array(values.T), integrals)
         return weights
 
     @cached_property
@@ -125,7 +126,7 @@ class CubicSplineSpace:
 
         ``values`` has shape (N,) or (N, m), in the ascending order of the points. One banded solve, O(N).
         """
-        return _solve(self.matrix(self.interpolation_points), self._checked(values))
+        return solve_banded_system(self.matrix(self.interpolation_points), self._checked(values))
 
     def prolong(self, coefficients: ArrayLike, finer: CubicSplineSpace) -> Array:
         """Coefficients of the same functions in the ``finer`` space, whose knots contain these. O(N).
@@ -209,16 +210,3 @@ def _nearest(sorted_values: Array, wanted: Array) -> Array:
     right = np.clip(np.searchsorted(sorted_values, wanted), 1, sorted_values.size - 1)
     below, above = sorted_values[right - 1], sorted_values[right]
     return np.where(wanted - below < above - wanted, below, above)
-
-
-def _solve(matrix: sparse.csr_array, right_side: Array) -> Array:
-    """Solve a banded system given as a sparse matrix."""
-    entries = matrix.tocoo()
-    row, column = entries.coords
-    present = entries.data != 0.0
-    row, column, data = row[present], column[present], entries.data[present]
-    lower, upper = int(np.max(row - column)), int(np.max(column - row))
-    banded = np.zeros((lower + upper + 1, matrix.shape[1]))
-    banded[upper + row - column, column] = data
-    solution: Array = solve_banded((lower, upper), banded, right_side)
-    return solution
