@@ -60,8 +60,7 @@ def barycentric_weights(points: ArrayLike) -> Array:
     if np.any(differences == 0.0):
         raise ValueError("the points of an interpolation must be distinct")
     mantissas, exponents = np.frexp(differences)
-    # Halves to ones, times 1.4: near one on average, so that the product of hundreds stays in range.
-    weights = 1.0 / np.prod(1.4 * mantissas, axis=1)
+    weights = 1.0 / np.prod(mantissas, axis=1)
     powers = -exponents.sum(axis=1)
     weights = np.ldexp(weights, powers - powers.max())
     scaled: Array = weights / np.abs(weights).max()
