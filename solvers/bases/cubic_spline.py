@@ -147,7 +147,7 @@ class CubicSplineSpace:
         coarse, fine = self._clamped(DEGREE), finer._clamped(DEGREE)
         rows = np.arange(finer.dimension)
         # No knot lies in the middle of a fine interval: rounding cannot pick a wrong piece there.
-        starts = np.minimum(np.searchsorted(finer.knots, fine[rows], side="right") - 1, finer.intervals - 1)
+        starts = np.searchsorted(finer.knots, fine[rows], side="right") - 1
         middles = (finer.knots[starts] + finer.knots[starts + 1]) / 2.0
         pieces = np.searchsorted(self.knots, middles, side="right") - 1 + DEGREE
         entries = np.ones((rows.size, 1))
