@@ -1,0 +1,96 @@
+import logging
+import multiprocessing
+import signal
+import time
+from collections.abc import Callable
+
+import pytest
+from redis import Redis
+
+from solvers.progress import ProgressReport
+from worker.progress import StoreProgress
+from worker.records import JobRecord, JobStatus, new_job_id
+from worker.settings import QueueSettings
+from worker.store import JobStore, connect
+
+
+@pytest.fixture
+def job_id(store: JobStore) -> str:
+    record = JobRecord(new_job_id(), JobStatus.QUEUED, "swcm", 60.0, time.time())
+    store.add(record, b"{}")
+    return record.id
+
+
+@pytest.fixture
+def owner(store: JobStore, job_id: str) -> str:
+    owner = store.start(job_id)
+    assert owner is not None
+    return owner
+
+
+def within(seconds: float, condition: Callable[[], bool]) -> bool:
+    give_up = time.monotonic() + seconds
+    while time.monotonic() < give_up:
+        if condition():
+            return True
+        time.sleep(0.01)
+    return condition()
+
+
+def test_the_last_report_is_written_and_not_every_one(store: JobStore, job_id: str, owner: str) -> None:
+    version = store.get(job_id).version
+    with StoreProgress(store, job_id, owner, period=0.05) as progress:
+        for iteration in range(1_001):
+            progress.report(ProgressReport("solve", iteration))
+        assert within(5, lambda: (store.get(job_id).progress or {}).get("iteration") == 1_000)
+        time.sleep(0.2)  # Several periods without news.
+    assert store.get(job_id).version - version <= 2
+    assert not progress.cancelled()
+
+
+def test_a_cancelled_job_is_heard_of(store: JobStore, job_id: str, owner: str) -> None:
+    with StoreProgress(store, job_id, owner, period=0.02) as progress:
+        assert not progress.cancelled()
+        store.cancel(job_id)
+        assert within(1, progress.cancelled)
+    assert store.get(job_id).status is JobStatus.RUNNING
+
+
+def test_a_solve_stops_when_its_job_is_not_its_own_any_more(store: JobStore, job_id: str, owner: str) -> None:
+    with StoreProgress(store, job_id, owner, period=0.02) as progress:
+        assert store.start(job_id) is not None
+        assert within(1, progress.cancelled)
+
+
+def test_a_solve_goes_on_while_the_server_is_away(caplog: pytest.LogCaptureFixture) -> None:
+    settings = QueueSettings(broker="redis://127.0.0.1:1/0")
+    store = JobStore(connect(settings, retries=0), settings)
+    with caplog.at_level(logging.WARNING), StoreProgress(store, "a job", "an owner", period=0.02) as progress:
+        began = time.monotonic()
+        for iteration in range(10_000):
+            progress.report(ProgressReport("solve", iteration))
+            assert not progress.cancelled()
+        assert time.monotonic() - began < 1
+        assert within(5, lambda: "the store does not answer" in caplog.text)
+
+
+def _solve_that_never_listens(settings: QueueSettings, job_id: str, owner: str) -> None:
+    with connect(settings) as redis:
+        store = JobStore(redis, settings)
+        with StoreProgress(store, job_id, owner, period=0.05, patience=0.3):
+            time.sleep(60)
+
+
+def test_a_solve_that_does_not_listen_is_ended_with_its_process(
+    store: JobStore, redis: Redis, queue_settings: QueueSettings, job_id: str, owner: str
+) -> None:
+    child = multiprocessing.get_context("spawn").Process(
+        target=_solve_that_never_listens, args=(queue_settings, job_id, owner)
+    )
+    child.start()
+    store.cancel(job_id)
+    child.join(20)
+    assert child.exitcode == -signal.SIGKILL
+    record = store.get(job_id)
+    assert (record.status, record.has_result) == (JobStatus.CANCELLED, False)
+    child.close()

@@ -1,0 +1,52 @@
+import time
+from pathlib import Path
+
+import pytest
+from redis import Redis
+
+from worker.errors import QueueUnavailable
+from worker.queue import JobQueue, make_celery
+from worker.settings import QueueSettings
+from worker.store import connect
+
+
+@pytest.fixture
+def queue(redis: Redis, queue_settings: QueueSettings) -> JobQueue:
+    return JobQueue(make_celery(queue_settings), redis, queue_settings)
+
+
+def test_a_job_waits_in_the_queue_under_the_prefix(queue: JobQueue, redis: Redis) -> None:
+    assert queue.depth() == 0
+    queue.enqueue("a job", 60.0)
+    queue.enqueue("another", 60.0)
+    assert queue.depth() == 2
+
+
+def test_a_broker_that_is_away_is_said_at_once(tmp_path: Path) -> None:
+    settings = QueueSettings(broker=f"unix://{tmp_path}/nobody.sock")
+    queue = JobQueue(make_celery(settings), connect(settings), settings)
+    began = time.monotonic()
+    with pytest.raises(QueueUnavailable):
+        queue.enqueue("a job", 60.0)
+    assert time.monotonic() - began < 5
+
+
+def test_a_worker_is_alive_until_it_leaves_or_falls_silent(queue: JobQueue) -> None:
+    assert queue.workers() == {}
+    queue.beat("one@host", 2, 60)
+    queue.beat("two@host", 4, 0.2)
+    assert queue.workers() == {"one@host": 2, "two@host": 4}
+    time.sleep(0.3)
+    assert queue.workers() == {"one@host": 2}
+    queue.leave("one@host")
+    assert queue.workers() == {}
+
+
+def test_only_json_is_accepted_and_nothing_is_lost_with_a_worker(queue_settings: QueueSettings) -> None:
+    conf = make_celery(queue_settings).conf
+    assert conf.accept_content == ["json"]
+    assert conf.task_acks_late
+    assert conf.task_reject_on_worker_lost
+    assert conf.worker_prefetch_multiplier == 1
+    assert conf.task_soft_time_limit is None
+    assert conf.broker_transport_options["visibility_timeout"] >= 2 * conf.task_time_limit

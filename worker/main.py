@@ -1,0 +1,65 @@
+"""A worker process: fetches jobs, solves each in a child process, hands back what it cannot finish."""
+
+from __future__ import annotations
+
+import os
+import resource
+import socket
+
+from worker.settings import WorkerSettings
+
+
+def run(
+    broker: str | None = None,
+    concurrency: int | None = None,
+    *,
+    name: str | None = None,
+    log_level: str = "INFO",
+) -> int:
+    """Work until SIGTERM or SIGINT; return the exit status.
+
+    ``broker`` is the server's address (default: ``ONDELETTE_BROKER``), ``concurrency`` the number of jobs
+    solved at a time (default: the number of cores), ``name`` tells this worker from others of the same queue.
+    SIGTERM lets running jobs go on for ``ONDELETTE_SHUTDOWN_SECONDS``, then returns them to the queue.
+    """
+    # A child solves one job on one core; the linear algebra must know before it is loaded.
+    os.environ["OMP_NUM_THREADS"] = "1"
+    os.environ["OPENBLAS_NUM_THREADS"] = "1"
+    settings = WorkerSettings() if broker is None else WorkerSettings(broker=broker)
+    slots = concurrency or os.cpu_count() or 1
+
+    # Imported here, once, in the parent: the children are forked with everything loaded.
+    from celery.signals import worker_process_init
+
+    from worker.heartbeat import heartbeat
+    from worker.queue import JobQueue, make_celery
+    from worker.store import JobStore, connect
+    from worker.tasks import SolveTask
+
+    celery = make_celery(settings)
+    celery.conf.update(
+        worker_max_tasks_per_child=settings.tasks_per_child,
+        worker_soft_shutdown_timeout=settings.shutdown_seconds,
+    )
+    redis = connect(settings, retries=10)
+    celery.register_task(SolveTask(JobStore(redis, settings), round(settings.result_mib * 2**20)))
+    queue = JobQueue(celery, connect(settings), settings)
+    celery.steps["consumer"].add(heartbeat(queue, slots, settings.heartbeat_seconds))
+
+    def limit_memory(**_: object) -> None:
+        # Beyond it an allocation fails, which ends one job; without it the kernel ends whom it likes.
+        resource.setrlimit(resource.RLIMIT_AS, (settings.memory_mib * 2**20, resource.RLIM_INFINITY))
+
+    worker_process_init.connect(limit_memory, weak=False)
+    worker = celery.Worker(
+        hostname=f"{name or os.getpid()}@{socket.gethostname()}",
+        pool="prefork",
+        concurrency=slots,
+        loglevel=log_level,
+        quiet=True,
+        without_gossip=True,
+        without_mingle=True,
+        without_heartbeat=True,
+    )
+    worker.start()
+    return int(worker.exitcode or 0)

@@ -1,0 +1,80 @@
+"""How a solve, or the failure to make one, becomes the end of a job."""
+
+from __future__ import annotations
+
+import json
+import logging
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from solvers.errors import DocumentError, EvaluationError
+from solvers.status import SolveStatus
+from worker.records import FailureType, JobError, JobStatus
+from worker.store import compress
+
+if TYPE_CHECKING:
+    from solvers.solution import Solution
+
+logger = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True, slots=True)
+class Outcome:
+    """The end of a job: its final status, why it failed, and its compressed result."""
+
+    status: JobStatus
+    error: JobError | None = None
+    result: bytes | None = None
+
+
+TIMED_OUT = JobError(
+    FailureType.TIME_LIMIT,
+    SolveStatus.TIME_LIMIT.sentence,
+    "The solve did not come back to its iterations in time, so its process was ended; there is no iterate.",
+)
+
+
+def of_solution(solution: Solution, limit: int) -> Outcome:
+    """Return the end of a job that was solved; a compressed result over ``limit`` bytes fails it."""
+    result = compress(json.dumps(solution.result(), allow_nan=False, separators=(",", ":")).encode())
+    if len(result) > limit:
+        detail = (
+            f"The compressed result has {len(result) / 2**20:.1f} MiB, the limit is {limit / 2**20:g} MiB. "
+            "Ask for fewer nodes or fewer output samples."
+        )
+        return _failure(FailureType.INTERNAL, "The result is too large to be kept.", detail)
+    if solution.status is SolveStatus.CONVERGED:
+        return Outcome(JobStatus.SUCCEEDED, result=result)
+    if solution.status is SolveStatus.CANCELLED:
+        return Outcome(JobStatus.CANCELLED, result=result)
+    error = JobError(FailureType(solution.status.value), solution.status.sentence, solution.message)
+    return Outcome(JobStatus.FAILED, error, result)
+
+
+def of_exception(error: Exception, job_id: str) -> Outcome:
+    """Return the end of a job whose solve gave no iterate; the unexpected is logged with its trace."""
+    if isinstance(error, EvaluationError):
+        title = SolveStatus.EVALUATION_ERROR.sentence
+        return _failure(FailureType.EVALUATION_ERROR, title, f"{error.pointer}: {error.detail}")
+    # CasADi and IPOPT say it in C++ words.
+    if isinstance(error, MemoryError) or "bad_alloc" in str(error):
+        logger.warning("job %s ran out of memory", job_id)
+        return _failure(
+            FailureType.OUT_OF_MEMORY,
+            "The solve needed more memory than a worker may use.",
+            "Ask for fewer nodes, or let the operator raise the worker's limit (ONDELETTE_MEMORY_MIB).",
+        )
+    logger.error("job %s: unexpected error", job_id, exc_info=error)
+    if isinstance(error, DocumentError):
+        detail = (
+            "The worker refuses a document that was accepted; API and worker may be of different versions."
+        )
+    else:
+        detail = (
+            f"An unexpected error ({type(error).__name__}) ended the solve; the worker's log has the details."
+        )
+    return _failure(FailureType.INTERNAL, "Internal error.", detail)
+
+
+def _failure(type: FailureType, title: str, detail: str) -> Outcome:
+    return Outcome(JobStatus.FAILED, JobError(type, title, detail))

@@ -1,0 +1,96 @@
+"""How a running solve tells the store where it stands and hears that it should stop."""
+
+from __future__ import annotations
+
+import logging
+import os
+import signal
+import threading
+import time
+from types import TracebackType
+
+from redis.exceptions import RedisError
+
+from solvers.progress import ProgressReport
+from worker.records import JobStatus
+from worker.store import JobStore, Signal
+
+logger = logging.getLogger(__name__)
+
+PERIOD = 0.2
+"""Time between two exchanges with the store, in seconds: at most five writes a second."""
+
+PATIENCE = 5.0
+"""Time that a solve has, after somebody asked to cancel it, before its process is ended, in seconds."""
+
+
+class StoreProgress:
+    """Progress of one solve, kept in the store; a context manager around the solve.
+
+    The solve itself only writes and reads memory: a thread exchanges its last report for the store's answer
+    every `PERIOD`, so that a slow or absent server never holds up an iteration. While the server is away the
+    solve goes on and nothing is written; it cannot be cancelled then either.
+    """
+
+    def __init__(
+        self, store: JobStore, job_id: str, owner: str, period: float = PERIOD, patience: float = PATIENCE
+    ) -> None:
+        self._store = store
+        self._job_id = job_id
+        self._owner = owner
+        self._period = period
+        self._patience = patience
+        self._latest: ProgressReport | None = None
+        self._written: ProgressReport | None = None
+        self._stop = threading.Event()
+        self._asked_at: float | None = None
+        self._done = threading.Event()
+        self._thread = threading.Thread(target=self._watch, name=f"progress-{job_id}", daemon=True)
+
+    def report(self, report: ProgressReport) -> None:
+        """Take note of a moment of the solve; written at the next exchange unless another comes first."""
+        self._latest = report
+
+    def cancelled(self) -> bool:
+        """Tell whether somebody asked to cancel the job, or whether it is not this solve's any more."""
+        return self._stop.is_set()
+
+    def __enter__(self) -> StoreProgress:
+        self._thread.start()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._done.set()
+        self._thread.join()
+
+    def _watch(self) -> None:
+        while not self._done.wait(self._period):
+            try:
+                self._exchange()
+            except RedisError as error:
+                logger.warning(
+                    "job %s: the store does not answer (%s); the solve goes on", self._job_id, error
+                )
+
+    def _exchange(self) -> None:
+        latest = self._latest
+        answer = self._store.report(self._job_id, self._owner, None if latest is self._written else latest)
+        self._written = latest
+        if answer is Signal.GO:
+            return
+        self._stop.set()
+        now = time.monotonic()
+        if self._asked_at is None:
+            self._asked_at = now
+        elif answer is Signal.CANCEL and now - self._asked_at > self._patience:
+            self._end_process()
+
+    def _end_process(self) -> None:
+        """End a solve that does not come back to its iterations; only its whole process can be stopped."""
+        if self._store.finish(self._job_id, self._owner, JobStatus.CANCELLED):
+            logger.warning(
+                "job %s did not stop within %s s; its process is ended", self._job_id, self._patience
+            )
+            os.kill(os.getpid(), signal.SIGKILL)

@@ -1,0 +1,127 @@
+"""The queue: Celery's settings, how a job is published, how long the line is and who serves it."""
+
+from __future__ import annotations
+
+import math
+from typing import cast
+
+from celery import Celery
+from celery.exceptions import CeleryError
+from kombu import Exchange, Queue
+from kombu.exceptions import KombuError
+from redis import Redis
+from redis.exceptions import RedisError
+
+from worker.address import celery_url
+from worker.errors import QueueUnavailable
+from worker.settings import QueueSettings
+
+SOLVE_TASK = "ondelette.solve"
+QUEUE = "solve"
+MAX_JOB_SECONDS = 3600
+"""Largest options.max_seconds of a document, in seconds."""
+
+
+def make_celery(settings: QueueSettings) -> Celery:
+    """Return a Celery application for the broker of ``settings``.
+
+    A message is acknowledged when its job has ended, and redelivered if the worker's child dies before; the
+    job record, not a result backend, tells how it went. No soft time limit: CasADi swallows the exception.
+    """
+    hard_limit = MAX_JOB_SECONDS + settings.grace_seconds
+    celery = Celery("ondelette", broker=celery_url(settings.broker), set_as_current=False)
+    celery.conf.update(
+        task_default_queue=QUEUE,
+        task_queues=[Queue(QUEUE, Exchange("", type="direct"), routing_key=QUEUE)],
+        task_create_missing_queues=False,
+        task_acks_late=True,
+        task_reject_on_worker_lost=True,
+        task_ignore_result=True,
+        task_store_errors_even_if_ignored=False,
+        task_serializer="json",
+        result_serializer="json",
+        event_serializer="json",
+        accept_content=["json"],
+        task_time_limit=hard_limit,
+        worker_prefetch_multiplier=1,
+        worker_cancel_long_running_tasks_on_connection_loss=False,
+        worker_send_task_events=False,
+        worker_enable_remote_control=False,
+        broker_connection_retry_on_startup=True,
+        broker_connection_max_retries=None,
+        broker_transport_options={
+            # No lease is renewed while a job runs, so a message may only be given up for lost after the
+            # longest job has certainly ended; else a job would be solved twice at the same time.
+            "visibility_timeout": 2 * hard_limit,
+            "unacked_restore_interval": 5,
+            "unacked_restore_throttle": 1,
+            "health_check_interval": 25,
+            "socket_keepalive": True,
+            "socket_timeout": 30,
+            "socket_connect_timeout": 5,
+            "retry_on_timeout": True,
+            "global_keyprefix": settings.prefix,
+        },
+    )
+    return celery
+
+
+class JobQueue:
+    """Where jobs wait. Safe to share between threads."""
+
+    def __init__(self, celery: Celery, redis: Redis, settings: QueueSettings) -> None:
+        self._celery = celery
+        self._redis = redis
+        self._prefix = settings.prefix
+        self._grace = settings.grace_seconds
+
+    def enqueue(self, job_id: str, max_seconds: float) -> None:
+        """Publish a recorded job. Raises QueueUnavailable if the broker did not take it."""
+        try:
+            self._celery.send_task(
+                SOLVE_TASK,
+                args=[job_id],
+                task_id=job_id,
+                time_limit=math.ceil(max_seconds + self._grace),
+                retry=True,
+                retry_policy={"max_retries": 1, "interval_start": 0.1, "interval_step": 0.2},
+            )
+        except (KombuError, CeleryError, RedisError, OSError) as error:
+            raise QueueUnavailable("the broker did not take the job") from error
+
+    def depth(self) -> int:
+        """Return how many jobs wait that no worker has fetched."""
+        return self._redis.llen(f"{self._prefix}{QUEUE}")
+
+    # A worker is alive as long as it says so: a key for each, which the server lets expire.
+
+    def beat(self, worker: str, slots: int, seconds: float) -> None:
+        """Note that ``worker``, which solves ``slots`` jobs at a time, is alive for the next ``seconds``."""
+        with self._redis.pipeline(transaction=True) as pipe:
+            pipe.sadd(f"{self._prefix}workers", worker)
+            pipe.set(f"{self._prefix}worker:{worker}", slots, px=round(1000 * seconds))
+            pipe.execute()
+
+    def leave(self, worker: str) -> None:
+        """Note that ``worker`` takes no more jobs."""
+        with self._redis.pipeline(transaction=True) as pipe:
+            pipe.srem(f"{self._prefix}workers", worker)
+            pipe.delete(f"{self._prefix}worker:{worker}")
+            pipe.execute()
+
+    def workers(self) -> dict[str, int]:
+        """Return the workers that are alive, each with the number of jobs that it solves at a time."""
+        names = sorted(cast(set[bytes], self._redis.smembers(f"{self._prefix}workers")))
+        if not names:
+            return {}
+        slots = cast(
+            list[bytes | None], self._redis.mget([f"{self._prefix}worker:{name.decode()}" for name in names])
+        )
+        silent = [name for name, number in zip(names, slots, strict=True) if number is None]
+        if silent:
+            self._redis.srem(f"{self._prefix}workers", *silent)
+        return {
+            name.decode(): int(number)
+            for name, number in zip(names, slots, strict=True)
+            if number is not None
+        }

@@ -1,0 +1,153 @@
+"""What is remembered of a job: its record, its status and the transitions that are allowed."""
+
+from __future__ import annotations
+
+import json
+import secrets
+import time
+import uuid
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from datetime import UTC, datetime
+from enum import StrEnum
+from typing import Any
+
+
+class JobStatus(StrEnum):
+    """Where a job stands. The last three are final: a job never leaves them."""
+
+    QUEUED = "queued"
+    RUNNING = "running"
+    SUCCEEDED = "succeeded"
+    FAILED = "failed"
+    CANCELLED = "cancelled"
+
+    @property
+    def final(self) -> bool:
+        """Tell whether the job has ended."""
+        return not TRANSITIONS[self]
+
+
+TRANSITIONS: Mapping[JobStatus, frozenset[JobStatus]] = {
+    JobStatus.QUEUED: frozenset({JobStatus.RUNNING, JobStatus.CANCELLED}),
+    # Back to queued when a worker that shuts down hands the job back.
+    JobStatus.RUNNING: frozenset(
+        {JobStatus.SUCCEEDED, JobStatus.FAILED, JobStatus.CANCELLED, JobStatus.QUEUED}
+    ),
+    JobStatus.SUCCEEDED: frozenset(),
+    JobStatus.FAILED: frozenset(),
+    JobStatus.CANCELLED: frozenset(),
+}
+
+
+class FailureType(StrEnum):
+    """Why a job failed: the endings of a solve without success, and those in which there was no solve."""
+
+    INFEASIBLE = "infeasible"
+    ITERATION_LIMIT = "iteration_limit"
+    TIME_LIMIT = "time_limit"
+    DIVERGED = "diverged"
+    EVALUATION_ERROR = "evaluation_error"
+    UNVERIFIED = "unverified"
+    WORKER_LOST = "worker_lost"
+    OUT_OF_MEMORY = "out_of_memory"
+    INTERNAL = "internal"
+
+
+@dataclass(frozen=True, slots=True)
+class JobError:
+    """Why a job failed, for programs (``type``) and for people (``title``, ``detail``)."""
+
+    type: FailureType
+    title: str
+    detail: str
+
+    def to_json(self) -> str:
+        """Return the error as a JSON object."""
+        return json.dumps({"type": self.type.value, "title": self.title, "detail": self.detail})
+
+    @classmethod
+    def from_json(cls, text: str) -> JobError:
+        """Read what `to_json` wrote."""
+        members = json.loads(text)
+        return cls(FailureType(members["type"]), members["title"], members["detail"])
+
+
+@dataclass(frozen=True, slots=True)
+class JobRecord:
+    """A job as it is remembered; times in seconds since 1970, UTC.
+
+    ``version`` grows by one with every change, so that two readings are equal exactly if their versions are.
+    ``attempts`` counts starts, ``losses`` those whose worker vanished without a word.
+    """
+
+    id: str
+    status: JobStatus
+    method: str
+    max_seconds: float
+    created_at: float
+    name: str | None = None
+    tags: tuple[str, ...] = ()
+    started_at: float | None = None
+    finished_at: float | None = None
+    progress: Mapping[str, Any] | None = None
+    error: JobError | None = None
+    attempts: int = 0
+    losses: int = 0
+    cancel_requested: bool = False
+    has_result: bool = False
+    version: int = field(default=1)
+
+    def to_hash(self) -> dict[str, str]:
+        """Return the record of a new job as fields of a Redis hash (what is absent is left out)."""
+        fields = {
+            "id": self.id,
+            "status": self.status.value,
+            "method": self.method,
+            "max_seconds": repr(self.max_seconds),
+            "created_at": repr(self.created_at),
+            "tags": json.dumps(self.tags),
+            "version": str(self.version),
+        }
+        if self.name is not None:
+            fields["name"] = self.name
+        return fields
+
+    @classmethod
+    def from_hash(cls, fields: Mapping[str, str]) -> JobRecord:
+        """Read a record from the fields of its Redis hash."""
+        return cls(
+            id=fields["id"],
+            status=JobStatus(fields["status"]),
+            method=fields["method"],
+            max_seconds=float(fields["max_seconds"]),
+            created_at=float(fields["created_at"]),
+            name=fields.get("name"),
+            tags=tuple(json.loads(fields["tags"])),
+            started_at=float(fields["started_at"]) if "started_at" in fields else None,
+            finished_at=float(fields["finished_at"]) if "finished_at" in fields else None,
+            progress=json.loads(fields["progress"]) if "progress" in fields else None,
+            error=JobError.from_json(fields["error"]) if "error" in fields else None,
+            attempts=int(fields.get("attempts", 0)),
+            losses=int(fields.get("losses", 0)),
+            cancel_requested=fields.get("cancel") == "1",
+            has_result=fields.get("has_result") == "1",
+            version=int(fields["version"]),
+        )
+
+
+def new_job_id(now: float | None = None) -> str:
+    """Return a new job id: a UUID of version 7 (RFC 9562, method 3) with 62 bits that cannot be guessed.
+
+    Ids sort by the time of their making, to a quarter of a microsecond (12 bits below the millisecond).
+    """
+    milliseconds, fraction = divmod((time.time() if now is None else now) * 1000, 1)
+    value = (
+        int(milliseconds) << 80 | 0x7 << 76 | int(fraction * 4096) << 64 | 0b10 << 62 | secrets.randbits(62)
+    )
+    return str(uuid.UUID(int=value))
+
+
+def timestamp(seconds: float) -> str:
+    """Return a moment in seconds since 1970 as RFC 3339 text in UTC with milliseconds."""
+    return datetime.fromtimestamp(seconds, UTC).isoformat(timespec="milliseconds").replace("+00:00", "Z")

@@ -1,0 +1,51 @@
+"""Settings of the queue and its workers, read from environment variables with the prefix ``ONDELETTE_``."""
+
+from __future__ import annotations
+
+from pydantic import Field, field_validator
+from pydantic_settings import BaseSettings, SettingsConfigDict
+
+from worker.address import celery_url
+
+
+class QueueSettings(BaseSettings):
+    """What everyone who touches the queue must agree on: the API, the workers and the command line."""
+
+    model_config = SettingsConfigDict(env_prefix="ONDELETTE_", extra="ignore", frozen=True)
+
+    broker: str = Field(
+        default="redis://127.0.0.1:6379/0", description="Address of the Redis or Valkey server."
+    )
+    prefix: str = Field(default="ondelette:", description="Prefix of every key in the server.")
+    retention_days: float = Field(default=7.0, gt=0, description="How long a finished job is kept, in days.")
+    grace_seconds: float = Field(
+        default=30.0,
+        ge=1,
+        description="Seconds beyond options.max_seconds after which a worker's child is ended.",
+    )
+
+    @field_validator("broker")
+    @classmethod
+    def _broker_is_an_address(cls, value: str) -> str:
+        celery_url(value)
+        return value
+
+
+class WorkerSettings(QueueSettings):
+    """What a worker needs besides: limits of its children and the rhythm of its messages (seconds)."""
+
+    result_mib: float = Field(default=32.0, gt=0, description="Largest compressed result, in MiB.")
+    memory_mib: int = Field(
+        default=4096, ge=256, description="Address space of one child process, in MiB; more is out_of_memory."
+    )
+    tasks_per_child: int = Field(
+        default=200, ge=1, description="Jobs after which a child process is replaced."
+    )
+    shutdown_seconds: float = Field(
+        default=8.0,
+        ge=0,
+        description="Seconds for which running jobs may go on after SIGTERM; then they are handed back.",
+    )
+    heartbeat_seconds: float = Field(
+        default=3.0, gt=0, description="Period of a worker's heartbeat, in seconds."
+    )

@@ -1,0 +1,250 @@
+"""The memory of the service: job records, documents, progress and results in Redis.
+
+The record is the truth about a job; messages of the queue only say that there is something to do. Every
+change of status is one script (`worker.scripts`), so that two processes never see or make half a change.
+"""
+
+from __future__ import annotations
+
+import json
+import secrets
+import time
+import zlib
+from collections.abc import Callable, Sequence
+from dataclasses import asdict
+from enum import StrEnum
+from typing import Any, cast
+
+from redis import Redis
+from redis.backoff import ExponentialBackoff
+from redis.retry import Retry
+
+from solvers.progress import ProgressReport
+from worker import scripts
+from worker.address import redis_url
+from worker.errors import JobActive, JobGone, JobNotFound
+from worker.records import FailureType, JobError, JobRecord, JobStatus
+from worker.settings import QueueSettings
+
+MAX_LOSSES = 2
+"""Workers that a job may lose before it is given up."""
+
+_COMPRESSION = 3
+_MEMORY = 30 * 86_400
+_SCAN = 100
+_SCANS_PER_PAGE = 20
+
+_GIVEN_UP = JobError(
+    FailureType.WORKER_LOST,
+    "The worker was lost.",
+    f"The job was started {MAX_LOSSES} times and its worker ended without a word each time; it is not tried "
+    "again. A smaller problem may go through; the worker's log tells why it ended.",
+)
+
+
+class Signal(StrEnum):
+    """What a running solve hears when it writes its progress."""
+
+    GO = "go"
+    CANCEL = "cancel"
+    LOST = "lost"
+
+
+def connect(settings: QueueSettings, retries: int = 1) -> Redis:
+    """Return a client that tries a failed command ``retries`` times more, after 0.1 s, doubling to 2 s."""
+    return Redis.from_url(
+        redis_url(settings.broker),
+        socket_timeout=5.0,
+        socket_connect_timeout=2.0,
+        health_check_interval=25,
+        retry=Retry(ExponentialBackoff(cap=2.0, base=0.1), retries),
+    )
+
+
+class JobStore:
+    """Everything that is remembered of jobs. Safe to share between threads and to use after a fork.
+
+    Methods that name a job raise JobNotFound for an id that nobody knows and JobGone for one that was erased
+    or has outlived its retention; all raise redis.exceptions.RedisError where the server does not answer.
+    """
+
+    def __init__(self, redis: Redis, settings: QueueSettings) -> None:
+        self.redis = redis
+        self.channel = f"{settings.prefix}status"
+        """Channel on which every change of status is published as ``<id> <status>``."""
+        self._prefix = settings.prefix
+        self._index = f"{settings.prefix}index"
+        self._retention = max(1, round(settings.retention_days * 86_400))
+        self._start = self._script(scripts.START)
+        self._report = self._script(scripts.REPORT)
+        self._finish = self._script(scripts.FINISH)
+        self._fail = self._script(scripts.FAIL)
+        self._hand_back = self._script(scripts.HAND_BACK)
+        self._cancel = self._script(scripts.CANCEL)
+        self._erase = self._script(scripts.ERASE)
+
+    # The side of the submitter.
+
+    def add(self, record: JobRecord, document: bytes) -> None:
+        """Remember a new job and its ``document``, the JSON text as it was submitted."""
+        job, body, _, _ = self._keys(record.id)
+        with self.redis.pipeline(transaction=True) as pipe:
+            pipe.hset(job, mapping=cast(Any, record.to_hash()))
+            pipe.set(body, zlib.compress(document, _COMPRESSION))
+            pipe.zadd(self._index, {record.id: 0})
+            pipe.execute()
+
+    def discard(self, job_id: str) -> None:
+        """Forget a job that could not be queued, without a trace: its id was never told to anybody."""
+        with self.redis.pipeline(transaction=True) as pipe:
+            pipe.delete(*self._keys(job_id))
+            pipe.zrem(self._index, job_id)
+            pipe.execute()
+
+    def get(self, job_id: str) -> JobRecord:
+        """Return the record of a job."""
+        job, _, _, tombstone = self._keys(job_id)
+        with self.redis.pipeline(transaction=False) as pipe:
+            pipe.hgetall(job)
+            pipe.exists(tombstone)
+            fields, known = pipe.execute()
+        if fields:
+            return _record(fields)
+        raise JobGone(job_id) if known else JobNotFound(job_id)
+
+    def document(self, job_id: str) -> bytes:
+        """Return the JSON text of a job's document as it was submitted."""
+        packed = cast(bytes | None, self.redis.get(self._keys(job_id)[1]))
+        if packed is None:
+            self.get(job_id)
+            raise JobGone(job_id)
+        return zlib.decompress(packed)
+
+    def result(self, job_id: str) -> bytes | None:
+        """Return the JSON text of a job's result, None while or where there is none."""
+        packed = cast(bytes | None, self.redis.get(self._keys(job_id)[2]))
+        if packed is None:
+            self.get(job_id)
+            return None
+        return zlib.decompress(packed)
+
+    def cancel(self, job_id: str) -> JobRecord:
+        """End a queued job, ask a running one to stop, leave an ended one as it is; return the record."""
+        self._run(self._cancel, job_id)
+        return self.get(job_id)
+
+    def erase(self, job_id: str) -> None:
+        """Erase an ended job; raises JobActive for any other."""
+        answer = self._run(self._erase, job_id, keys=[self._index])
+        if answer is None:
+            self.get(job_id)
+        elif answer != b"erased":
+            raise JobActive(job_id)
+
+    def page(
+        self, limit: int, after: str | None = None, wanted: Callable[[JobRecord], bool] = lambda record: True
+    ) -> tuple[list[JobRecord], str | None]:
+        """List jobs, newest first: at most ``limit`` of those ``wanted``, from behind the id ``after``.
+
+        Returns the records and the id behind which to go on, None at the end. A page may hold fewer than
+        ``limit`` records and still not be the last: one call looks at a bounded number of jobs.
+        """
+        found: list[JobRecord] = []
+        top = "+" if after is None else f"({after}"
+        for _ in range(_SCANS_PER_PAGE):
+            ids = cast(list[bytes], self.redis.zrevrangebylex(self._index, top, "-", start=0, num=_SCAN))
+            records = self._records(ids)
+            for record in filter(wanted, records):
+                if len(found) == limit:
+                    return found, found[-1].id
+                found.append(record)
+            if len(ids) < _SCAN:
+                return found, None
+            after = ids[-1].decode()
+            top = f"({after}"
+        return found, after
+
+    # The side of the worker.
+
+    def start(self, job_id: str) -> str | None:
+        """Make a job running; return the word by which its solve owns it, None if there is nothing to solve.
+
+        There is nothing to do for a job that has ended, that is not remembered, or that has now lost its
+        worker for the second time (it then ends as failed/worker_lost).
+        """
+        owner = secrets.token_hex(16)
+        answer = self._run(self._start, job_id, owner, MAX_LOSSES, _GIVEN_UP.to_json())
+        return owner if answer == b"started" else None
+
+    def report(self, job_id: str, owner: str, report: ProgressReport | None) -> Signal:
+        """Write the progress of a running job (None: nothing new) and hear whether to go on."""
+        text = "" if report is None else json.dumps(_finite(asdict(report)))
+        answer = self._run(self._report, job_id, owner, text)
+        return Signal(cast(bytes, answer).decode())
+
+    def finish(
+        self,
+        job_id: str,
+        owner: str,
+        status: JobStatus,
+        error: JobError | None = None,
+        result: bytes | None = None,
+    ) -> bool:
+        """Write the end of a job, with its ``result`` as `compress` made it.
+
+        Returns False, and writes nothing, if the job is not running or is owned by another solve.
+        """
+        if not status.final:
+            raise ValueError(f"{status} is not a final status")
+        failure = "" if error is None else error.to_json()
+        return bool(self._run(self._finish, job_id, owner, status.value, failure, result or b""))
+
+    def fail(self, job_id: str, error: JobError) -> bool:
+        """End a running job whose solve cannot speak for itself any more; False if it is not running."""
+        return bool(self._run(self._fail, job_id, error.to_json()))
+
+    def hand_back(self, job_id: str) -> bool:
+        """Put a running job back to queued, because its worker shuts down; False if it is not running."""
+        return bool(self._run(self._hand_back, job_id))
+
+    # Inside.
+
+    def _keys(self, job_id: str) -> list[str]:
+        job = f"{self._prefix}job:{job_id}"
+        return [job, f"{job}:document", f"{job}:result", f"{self._prefix}gone:{job_id}"]
+
+    def _script(self, text: str) -> Callable[..., Any]:
+        return cast(Callable[..., Any], self.redis.register_script(text))
+
+    def _run(
+        self, script: Callable[..., Any], job_id: str, *args: str | int | bytes, keys: Sequence[str] = ()
+    ) -> bytes | int | None:
+        common = (job_id, self.channel, repr(time.time()), self._retention, _MEMORY)
+        return cast(bytes | int | None, script(keys=[*self._keys(job_id), *keys], args=[*common, *args]))
+
+    def _records(self, ids: Sequence[bytes]) -> list[JobRecord]:
+        with self.redis.pipeline(transaction=False) as pipe:
+            for job_id in ids:
+                pipe.hgetall(self._keys(job_id.decode())[0])
+            hashes = pipe.execute() if ids else []
+        expired = [job_id for job_id, fields in zip(ids, hashes, strict=True) if not fields]
+        if expired:
+            self.redis.zrem(self._index, *expired)
+        return [_record(fields) for fields in hashes if fields]
+
+
+def compress(result: bytes) -> bytes:
+    """Compress the JSON text of a result as the store keeps it (zlib, RFC 1950)."""
+    return zlib.compress(result, _COMPRESSION)
+
+
+def _record(fields: dict[bytes, bytes]) -> JobRecord:
+    return JobRecord.from_hash({key.decode(): value.decode() for key, value in fields.items()})
+
+
+def _finite(report: dict[str, Any]) -> dict[str, Any]:
+    """Replace the infinities of a first iterate by None: JSON has no word for them."""
+    return {
+        key: None if isinstance(value, float) and not abs(value) < float("inf") else value
+        for key, value in report.items()
+    }
