@@ -1,0 +1,65 @@
+"""The job document: read strictly, checked as a whole, every mistake reported with its JSON pointer.
+
+``check_document(parse_document(text))`` gives a `JobSpec`; its fields hold values as submitted (numbers or
+expressions), and the functions below turn them into numbers and intervals.
+"""
+
+from solvers.spec.check import check_document, job_schema
+from solvers.spec.document import parse_document
+from solvers.spec.job import JobSpec, Options, Output, Verification
+from solvers.spec.methods import (
+    METHODS,
+    AutoMethod,
+    GaussPseudospectralMethod,
+    HermiteSimpsonMethod,
+    Method,
+    SplineWaveletMethod,
+)
+from solvers.spec.models import FirstOrderModel, LibraryReference, MechanicalModel
+from solvers.spec.problem import (
+    BoundaryConstraint,
+    Guess,
+    Objective,
+    PathConstraint,
+    ProblemSpec,
+    final_intervals,
+    initial_intervals,
+    path_intervals,
+)
+from solvers.spec.resolution import Resolution, canonical_json
+from solvers.spec.values import BoundValue, Interval, Value, bound_interval, evaluate_constant, inside
+
+__all__ = [
+    "METHODS",
+    "AutoMethod",
+    "BoundValue",
+    "BoundaryConstraint",
+    "FirstOrderModel",
+    "GaussPseudospectralMethod",
+    "Guess",
+    "HermiteSimpsonMethod",
+    "Interval",
+    "JobSpec",
+    "LibraryReference",
+    "MechanicalModel",
+    "Method",
+    "Objective",
+    "Options",
+    "Output",
+    "PathConstraint",
+    "ProblemSpec",
+    "Resolution",
+    "SplineWaveletMethod",
+    "Value",
+    "Verification",
+    "bound_interval",
+    "canonical_json",
+    "check_document",
+    "evaluate_constant",
+    "final_intervals",
+    "initial_intervals",
+    "inside",
+    "job_schema",
+    "parse_document",
+    "path_intervals",
+]

@@ -1,0 +1,40 @@
+"""A document checked as a whole."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from pydantic import ValidationError
+
+from solvers.errors import DocumentError, Fault
+from solvers.spec.crosschecks import cross_check
+from solvers.spec.faults import MAX_FAULTS, kind_of
+from solvers.spec.job import JobSpec
+from solvers.spec.scope import read_scope
+from solvers.spec.translate import translate
+
+
+def check_document(document: object) -> JobSpec:
+    """Return the checked form of a job document (what JSON or YAML stood for).
+
+    Raises DocumentError with every mistake of the document at once: structure, names, shapes, bounds,
+    limits, and what this version does not do.
+    """
+    if not isinstance(document, dict):
+        raise DocumentError([Fault("", f"a job document is an object, not {kind_of(document)}")])
+    scope = read_scope(document)
+    spec: JobSpec | None = None
+    faults: list[Fault] = []
+    try:
+        spec = JobSpec.model_validate(document, context=scope)
+    except ValidationError as error:
+        faults.extend(translate(error, scope))
+    faults.extend(cross_check(scope).faults())
+    if spec is None or faults:
+        raise DocumentError(list(dict.fromkeys(faults))[:MAX_FAULTS])
+    return spec
+
+
+def job_schema() -> dict[str, Any]:
+    """Return the JSON Schema of a job document."""
+    return JobSpec.model_json_schema(by_alias=True)

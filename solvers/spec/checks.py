@@ -1,0 +1,95 @@
+"""How one value, expression or bound of a document is checked against the names in its scope.
+
+Each function notes what is wrong in ``flaws``, at ``path`` below the field that is being checked.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from solvers.errors import ExpressionError
+from solvers.expressions import Expression, ExpressionLimitError, parse, quoted
+from solvers.spec.faults import Flaws, Path, kind_of
+from solvers.spec.scope import Scope
+from solvers.spec.values import FREE, Interval, evaluate_constant, is_finite
+
+RATES = "accelerations and control rates in expressions are not in this version"
+
+
+def check_expression(value: Any, place: str, scope: Scope, flaws: Flaws, *path: str | int) -> None:
+    """Check a number or expression that may use the names of ``place``: constant, model, path, boundary."""
+    if type(value) is int or type(value) is float:
+        _check_number(value, flaws, path)
+        return
+    if not isinstance(value, str):
+        flaws.add(f"must be a number or an expression, not {kind_of(value)}", *path)
+        return
+    try:
+        expression = parse(value)
+    except ExpressionError as error:
+        flaws.add(str(error), *path, type="limit" if isinstance(error, ExpressionLimitError) else "invalid")
+        return
+    if scope.known or place == "constant":
+        _check_names(expression, place, scope, flaws, path)
+
+
+def _check_number(value: float, flaws: Flaws, path: Path) -> bool:
+    if is_finite(value):
+        return True
+    flaws.add("a number must be finite (about 1.8e308 is the largest)", *path)
+    return False
+
+
+def _check_names(expression: Expression, place: str, scope: Scope, flaws: Flaws, path: Path) -> None:
+    names = scope.names(place)
+    for name in expression.undefined(names):
+        where = f" (at character {expression.positions[name] + 1})"
+        if place == "path" and name in scope.rate_names:
+            flaws.add(f"unsupported: {RATES}: {quoted(name)}{where}", *path, type="unsupported")
+        elif name in scope.model_names or name in scope.boundary_names or name in scope.rate_names:
+            flaws.add(f"the name {quoted(name)} cannot be used here; {_ADVICE[place]}{where}", *path)
+        else:
+            flaws.add(f"unknown name {quoted(name)}{scope.suggest(name, names)}{where}", *path)
+
+
+_ADVICE = {
+    "constant": "a value is a number or an expression in parameters and constants",
+    "model": "the names of a model are its states, controls, parameters and t",
+    "path": "along the trajectory the names are states, controls, parameters and t",
+    "boundary": "at the ends the names are <state>_0, <state>_f, likewise of controls, parameters, t0 and tf",
+}
+
+
+def check_constant(value: Any, scope: Scope, flaws: Flaws, *path: str | int) -> float | None:
+    """Check a value; return what it is worth, or ``None`` where that cannot be judged."""
+    if type(value) is int or type(value) is float:
+        return float(value) if _check_number(value, flaws, path) else None
+    before = len(flaws.found)
+    check_expression(value, "constant", scope, flaws, *path)
+    if len(flaws.found) > before or not parse(value).names <= scope.parameters.keys():
+        return None
+    try:
+        return evaluate_constant(value, scope.parameters)
+    except ExpressionError as error:
+        flaws.add(error.detail, *path)
+        return None
+
+
+def check_bound(value: Any, scope: Scope, flaws: Flaws, *path: str | int) -> Interval | None:
+    """Check a bound; return its interval, or ``None`` where that cannot be judged."""
+    if not isinstance(value, list | tuple):
+        number = check_constant(value, scope, flaws, *path)
+        return None if number is None else (number, number)
+    if len(value) != 2:
+        flaws.add(f"a bound is one value or [lower, upper], not a list of {len(value)}", *path)
+        return None
+    sides = [
+        free if side is None else check_constant(side, scope, flaws, *path, index)
+        for index, (side, free) in enumerate(zip(value, FREE, strict=True))
+    ]
+    if sides[0] is None or sides[1] is None:
+        return None
+    if sides[0] > sides[1]:
+        flaws.add(f"crossed bounds: the lower side {sides[0]:g} is above the upper side {sides[1]:g}", *path)
+        return None
+    return sides[0], sides[1]

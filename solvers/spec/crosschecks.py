@@ -1,0 +1,196 @@
+"""Mistakes that no field can see alone: clashing names, ends against bounds, times, a singular mass matrix.
+
+All of them work on the scope, so they are judged even where other fields of the document are wrong; what
+cannot be judged is passed over, for the fields themselves report why.
+"""
+
+from __future__ import annotations
+
+import re
+from typing import Any
+
+import numpy as np
+
+from solvers.errors import ExpressionError
+from solvers.expressions import RESERVED, parse, quoted
+from solvers.spec.checks import check_bound, check_constant
+from solvers.spec.faults import Flaws
+from solvers.spec.scope import Scope, mapping
+from solvers.spec.values import FREE, Interval, inside
+
+_NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*", re.ASCII)
+_LONGEST_NAME = 200
+# A matrix with rows and columns scaled to 1 is taken as singular below this reciprocal condition number.
+_SINGULAR = 1e-13
+
+
+def cross_check(scope: Scope) -> Flaws:
+    """Return every mistake between the parts of the document, with paths from its root."""
+    flaws = Flaws()
+    if mapping(scope.problem.get("model")).get("kind") != "library":
+        _check_names(scope, flaws)
+    _check_times(scope, flaws)
+    _check_ends(scope, flaws)
+    _check_guess(scope, flaws)
+    if scope.known and scope.coordinates:
+        _check_mass(scope, flaws)
+    return flaws
+
+
+def _check_names(scope: Scope, flaws: Flaws) -> None:
+    """Every name well formed, none reserved, none twice, none like a name that the product generates."""
+    model = scope.model
+    where = "coordinates" if model.get("kind") == "mechanical" else "states"
+    declared: list[tuple[str, str, str | int]] = []
+    for key, what in ((where, where[:-1]), ("controls", "control")):
+        names = model.get(key)
+        items = enumerate(names) if isinstance(names, list | tuple) else ()
+        declared += [(name, f"{what}:{key}", index) for index, name in items if isinstance(name, str)]
+    parameters = mapping(model.get("parameters"))
+    declared += [(name, "parameter:parameters", name) for name in parameters if isinstance(name, str)]
+    generated = _generated(scope)
+    seen: dict[str, str] = {}
+    for name, kind, place in declared:
+        what, key = kind.split(":")
+        detail = _name_flaw(name, seen, generated)
+        if detail:
+            flaws.add(detail, "problem", "model", key, place)
+        seen.setdefault(name, what)
+
+
+def _name_flaw(name: str, seen: dict[str, str], generated: dict[str, str]) -> str | None:
+    if len(name) > _LONGEST_NAME:
+        return f"limit: a name has at most {_LONGEST_NAME} characters"
+    if not _NAME.fullmatch(name):
+        return f"{quoted(name)} is not a name: a letter, then letters, digits and _"
+    if name in RESERVED:
+        return f"the name {quoted(name)} is reserved"
+    if name in seen:
+        return f"the name {quoted(name)} is already taken by a {seen[name]}"
+    if name in generated:
+        return f"the name {quoted(name)} is reserved: it is generated for {quoted(generated[name])}"
+    return None
+
+
+def _generated(scope: Scope) -> dict[str, str]:
+    """Return every name that the product makes -> the name from which it makes it."""
+    made = {f"{q}{end}": q for q in scope.coordinates for end in ("_dot", "_ddot")}
+    made |= {f"{u}_dot": u for u in scope.controls}
+    return made | {f"{x}{end}": x for x in scope.states + scope.controls for end in ("_0", "_f")}
+
+
+def _interval(scope: Scope, bound: Any) -> Interval | None:
+    """Return the interval of a bound, or None where it cannot be judged."""
+    return FREE if bound is None else check_bound(bound, scope, Flaws())
+
+
+def _check_times(scope: Scope, flaws: Flaws) -> None:
+    start = _interval(scope, scope.problem.get("initial_time", 0))
+    end = _interval(scope, scope.problem.get("final_time"))
+    if start is None or end is None:
+        return
+    if end[1] <= start[0]:
+        detail = f"the final time (at most {end[1]:g}) is not after the initial time (at least {start[0]:g})"
+        flaws.add(detail, "problem", "final_time")
+    guess = mapping(scope.problem.get("guess")).get("final_time")
+    value = None if guess is None else check_constant(guess, scope, Flaws())
+    if value is not None and value <= start[0]:
+        detail = f"the guess {value:g} is not after the initial time (at least {start[0]:g})"
+        flaws.add(detail, "problem", "guess", "final_time")
+
+
+def _check_ends(scope: Scope, flaws: Flaws) -> None:
+    bounds = mapping(scope.problem.get("bounds"))
+    for key in ("initial_state", "final_state"):
+        ends = scope.problem.get(key)
+        if not isinstance(ends, dict):
+            continue
+        for state in scope.states:
+            if state not in ends and "*" not in ends:
+                if key == "initial_state":
+                    detail = (
+                        f"the state {quoted(state)} is missing; give it a value, or null where it is free"
+                    )
+                    flaws.add(detail, "problem", key)
+                continue
+            place = state if state in ends else "*"
+            end, allowed = _interval(scope, ends[place]), _interval(scope, bounds.get(state))
+            if end is not None and allowed is not None and (end[1] < allowed[0] or end[0] > allowed[1]):
+                inside_what = f"[{allowed[0]:g}, {allowed[1]:g}]"
+                detail = f"the state {quoted(state)} ends outside its bounds {inside_what}"
+                flaws.add(detail, "problem", key, place)
+
+
+def _check_guess(scope: Scope, flaws: Flaws) -> None:
+    """Lists that share the guess's own ``times`` must be as long as it is."""
+    guess = mapping(scope.problem.get("guess"))
+    times = guess.get("times")
+    if not isinstance(times, list):
+        return
+    for key in ("states", "controls"):
+        for name, values in mapping(guess.get(key)).items():
+            if isinstance(values, list) and len(values) != len(times):
+                detail = f"{len(times)} times for {len(values)} values"
+                flaws.add(detail, "problem", "guess", key, str(name))
+
+
+def _check_mass(scope: Scope, flaws: Flaws) -> None:
+    """The mass matrix must be finite and regular at the start, or at the guess where the start is free."""
+    n = len(scope.coordinates)
+    rows = scope.model.get("mass")
+    if (
+        not isinstance(rows, list)
+        or len(rows) != n
+        or any(not isinstance(r, list) or len(r) != n for r in rows)
+    ):
+        return
+    point = _start(scope)
+    matrix = np.empty((n, n))
+    try:
+        with np.errstate(all="ignore"):
+            for i, row in enumerate(rows):
+                for j, entry in enumerate(row):
+                    matrix[i, j] = parse(entry).evaluate(point)
+    except (ExpressionError, KeyError, TypeError):
+        return  # an entry that is no expression, or uses what has no value: reported where it stands
+    for i, j in np.argwhere(~np.isfinite(matrix)):
+        flaws.add("the mass matrix is not finite at the start", "problem", "model", "mass", int(i), int(j))
+    if np.isfinite(matrix).all() and _is_singular(matrix):
+        flaws.add("the mass matrix is singular at the start", "problem", "model", "mass")
+
+
+def _is_singular(matrix: np.ndarray) -> bool:
+    size = np.abs(matrix)
+    if not (size.max(axis=0) > 0).all() or not (size.max(axis=1) > 0).all():
+        return True
+    scaled = matrix / size.max(axis=1, keepdims=True)
+    scaled = scaled / np.abs(scaled).max(axis=0)
+    values = np.linalg.svd(scaled, compute_uv=False)
+    return bool(values[-1] <= _SINGULAR * values[0])
+
+
+def _start(scope: Scope) -> dict[str, float]:
+    """Return a value for every name of the model at the start, as the default guess would choose it."""
+    bounds, guess = mapping(scope.problem.get("bounds")), mapping(scope.problem.get("guess"))
+    point = dict(scope.parameters)
+    point["t"] = inside(_interval(scope, scope.problem.get("initial_time", 0)) or FREE)
+    for key, names in (("states", scope.states), ("controls", scope.controls)):
+        for name in names:
+            given = _first_value(mapping(guess.get(key)).get(name), scope)
+            candidates = [_end(scope, "initial_state", name)]
+            if candidates[0][0] < candidates[0][1] and given is not None:
+                point[name] = given
+                continue
+            candidates += [_end(scope, "final_state", name), _interval(scope, bounds.get(name)) or FREE]
+            point[name] = inside(next((c for c in candidates if c != FREE), FREE))
+    return point
+
+
+def _end(scope: Scope, key: str, name: str) -> Interval:
+    ends = mapping(scope.problem.get(key))
+    return _interval(scope, ends.get(name, ends.get("*"))) or FREE
+
+
+def _first_value(history: Any, scope: Scope) -> float | None:
+    values = history.get("values") if isinstance(history, dict) else history
+    return check_constant(values[0], scope, Flaws()) if isinstance(values, list) and values else None

@@ -1,0 +1,65 @@
+"""From a mistake deep inside a document to a `Fault` with its JSON pointer."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from typing import Any
+
+from pydantic_core import PydanticCustomError
+
+from solvers.errors import Fault, FaultType
+
+Path = tuple[str | int, ...]
+
+MAX_FAULTS = 1000
+
+
+def pointer(path: Iterable[str | int]) -> str:
+    """Return the JSON pointer (RFC 6901) of a place in a document; what UTF-8 cannot hold is escaped."""
+    parts = (str(part).replace("~", "~0").replace("/", "~1") for part in path)
+    return "".join(f"/{part}" for part in parts).encode("utf-8", "backslashreplace").decode()
+
+
+def kind_of(value: object) -> str:
+    """Return what a JSON value is, in words for an error message; never the value itself."""
+    if value is None:
+        return "null"
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, int | float):
+        return "a number"
+    if isinstance(value, str):
+        return "text"
+    if isinstance(value, dict):
+        return "an object"
+    if isinstance(value, list | tuple):
+        return "a list"
+    return f"a value of type {type(value).__name__}"
+
+
+@dataclass(slots=True)
+class Flaws:
+    """Mistakes found below one place of the document; each path counts from there."""
+
+    found: list[tuple[Path, str, FaultType]] = field(default_factory=list)
+
+    def add(self, detail: str, *path: str | int, type: FaultType = "invalid") -> None:
+        """Take note of a mistake at ``path``; past 1,000 nothing is noted."""
+        if len(self.found) < MAX_FAULTS:
+            self.found.append((path, detail, type))
+
+    def faults(self) -> list[Fault]:
+        """Return the mistakes, their paths counted from the root of the document."""
+        return [Fault(pointer(path), detail, type) for path, detail, type in self.found]
+
+    def raise_any(self) -> None:
+        """Raise all mistakes as one pydantic error, to be taken apart again by `translate`."""
+        if self.found:
+            raise PydanticCustomError("flaws", "the value has flaws", {"flaws": self.found})
+
+
+def refuse(detail: str, *path: str | int, type: FaultType = "invalid") -> PydanticCustomError:
+    """Return the pydantic error for one mistake at ``path`` below the field that is being checked."""
+    context: dict[str, Any] = {"flaws": [(path, detail, type)]}
+    return PydanticCustomError("flaws", "the value has flaws", context)

@@ -1,0 +1,195 @@
+"""The types of the fields of a document: each checks itself against the scope while pydantic reads it.
+
+A check is put into an annotation, as in ``Annotated[float, Real(above=0)]``; it needs a `Scope` as pydantic
+context, which `solvers.spec.check_document` provides.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Annotated, Any
+
+from pydantic import GetCoreSchemaHandler, GetJsonSchemaHandler
+from pydantic_core import CoreSchema, core_schema
+
+from solvers.expressions import MAX_CHARACTERS
+from solvers.spec.checks import check_bound, check_constant, check_expression
+from solvers.spec.document import walk
+from solvers.spec.faults import Flaws, kind_of, refuse
+from solvers.spec.scope import Scope
+from solvers.spec.values import Value
+
+VALUE_SCHEMA: dict[str, Any] = {
+    "anyOf": [{"type": "number"}, {"type": "string", "maxLength": MAX_CHARACTERS}],
+}
+_SIDE = {"anyOf": [*VALUE_SCHEMA["anyOf"], {"type": "null"}]}
+BOUND_SCHEMA: dict[str, Any] = {
+    "anyOf": [*VALUE_SCHEMA["anyOf"], {"type": "array", "items": _SIDE, "minItems": 2, "maxItems": 2}],
+}
+
+
+class Check:
+    """A check of one field; subclasses say what is right (`check`) and how that is written (`schema`)."""
+
+    def check(self, value: Any, scope: Scope) -> Any:
+        """Return what the field shall hold; raises PydanticCustomError with every flaw of the value."""
+        raise NotImplementedError
+
+    def schema(self) -> dict[str, Any]:
+        """Return the JSON Schema of the field."""
+        raise NotImplementedError
+
+    def __get_pydantic_core_schema__(self, source: object, handler: GetCoreSchemaHandler) -> CoreSchema:
+        def validate(value: Any, info: core_schema.ValidationInfo[Any]) -> Any:
+            return self.check(value, info.context)
+
+        return core_schema.with_info_plain_validator_function(validate)
+
+    def __get_pydantic_json_schema__(self, core: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
+        return self.schema()
+
+
+@dataclass(frozen=True)
+class Unsupported(Check):
+    """A key whose place is kept for a later version; empty is accepted, for it asks for nothing."""
+
+    what: str
+
+    def check(self, value: Any, scope: Scope) -> None:
+        """Refuse whatever is not empty."""
+        if value is None or value is False or value in ({}, []):
+            return
+        raise refuse(f"unsupported: {self.what} not in this version", type="unsupported")
+
+    def schema(self) -> dict[str, Any]:
+        """Anything, so that the shape need not change later."""
+        return {"description": f"Reserved: {self.what} not in this version."}
+
+
+@dataclass(frozen=True)
+class Text(Check):
+    """Text of at most ``longest`` characters."""
+
+    longest: int | None = None
+
+    def check(self, value: Any, scope: Scope) -> str:
+        """Return the text."""
+        if not isinstance(value, str):
+            raise refuse(f"must be text, not {kind_of(value)}")
+        if self.longest is not None and len(value) > self.longest:
+            raise refuse(f"limit: at most {self.longest} characters, not {len(value):,}", type="limit")
+        return value
+
+    def schema(self) -> dict[str, Any]:
+        """Text with its greatest length."""
+        return {"type": "string"} | ({} if self.longest is None else {"maxLength": self.longest})
+
+
+@dataclass(frozen=True)
+class Real(Check):
+    """A number, or a constant expression that is replaced by its value; greater than ``above``."""
+
+    above: float | None = None
+    limit: float | None = None
+
+    def check(self, value: Any, scope: Scope) -> float | None:
+        """Return the number."""
+        flaws = Flaws()
+        number = check_constant(value, scope, flaws)
+        if number is not None and self.above is not None and number <= self.above:
+            flaws.add(f"must be greater than {self.above:g}, not {number:g}")
+        if number is not None and self.limit is not None and number > self.limit:
+            flaws.add(f"limit: at most {self.limit:,g}, not {number:,g}", type="limit")
+        flaws.raise_any()
+        return number
+
+    def schema(self) -> dict[str, Any]:
+        """A number or an expression."""
+        number: dict[str, Any] = {"type": "number"}
+        if self.above is not None:
+            number["exclusiveMinimum"] = self.above
+        if self.limit is not None:
+            number["maximum"] = self.limit
+        return {"anyOf": [number, VALUE_SCHEMA["anyOf"][1]]}
+
+
+@dataclass(frozen=True)
+class Count(Check):
+    """A whole number, or a constant expression that is replaced by its value; at least ``least``."""
+
+    least: int
+    limit: int
+
+    def check(self, value: Any, scope: Scope) -> int | None:
+        """Return the integer."""
+        flaws = Flaws()
+        number = check_constant(value, scope, flaws)
+        if number is not None:
+            if not number.is_integer():
+                flaws.add(f"must be a whole number, not {number:g}")
+            elif number < self.least:
+                flaws.add(f"must be at least {self.least}, not {number:g}")
+            elif number > self.limit:
+                flaws.add(f"limit: at most {self.limit:,}, not {number:,g}", type="limit")
+        flaws.raise_any()
+        return None if number is None else int(number)
+
+    def schema(self) -> dict[str, Any]:
+        """An integer or an expression."""
+        integer = {"type": "integer", "minimum": self.least, "maximum": self.limit}
+        return {"anyOf": [integer, VALUE_SCHEMA["anyOf"][1]]}
+
+
+@dataclass(frozen=True)
+class ExpressionIn(Check):
+    """An expression in the names of a place: constant, model, path or boundary."""
+
+    place: str
+
+    def check(self, value: Any, scope: Scope) -> Any:
+        """Return the expression as submitted."""
+        flaws = Flaws()
+        check_expression(value, self.place, scope, flaws)
+        flaws.raise_any()
+        return value
+
+    def schema(self) -> dict[str, Any]:
+        """A number or an expression."""
+        return VALUE_SCHEMA
+
+
+class BoundCheck(Check):
+    """A value (equal to) or ``[lower, upper]``, either side ``null`` for none."""
+
+    def check(self, value: Any, scope: Scope) -> Any:
+        """Return the bound as submitted."""
+        flaws = Flaws()
+        check_bound(value, scope, flaws)
+        flaws.raise_any()
+        return value
+
+    def schema(self) -> dict[str, Any]:
+        """A value or a pair."""
+        return BOUND_SCHEMA
+
+
+class FreeObject(Check):
+    """An object that the service keeps and hands back, but does not read."""
+
+    def check(self, value: Any, scope: Scope) -> dict[str, Any]:
+        """Return the object; it must be made of JSON values, at most 64 levels deep."""
+        if not isinstance(value, dict):
+            raise refuse(f"must be an object, not {kind_of(value)}")
+        flaws = Flaws()
+        walk(value, flaws)
+        flaws.raise_any()
+        return value
+
+    def schema(self) -> dict[str, Any]:
+        """Any object."""
+        return {"type": "object"}
+
+
+Bound = Annotated[Value | list[Value | None], BoundCheck()]
+PathExpression = Annotated[Value, ExpressionIn("path")]
+BoundaryExpression = Annotated[Value, ExpressionIn("boundary")]

@@ -1,0 +1,190 @@
+"""The ``problem`` object of a document: model, ends, bounds, constraints, objective, guess."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Annotated, Any, Self
+
+from pydantic import Field, model_validator
+
+from solvers.spec.base import SpecModel
+from solvers.spec.faults import refuse
+from solvers.spec.fields import (
+    Bound,
+    BoundaryExpression,
+    ExpressionIn,
+    PathExpression,
+    Text,
+    Unsupported,
+)
+from solvers.spec.models import FirstOrderModel, LibraryReference, MechanicalModel, SubmittedModel
+from solvers.spec.scope import Scope
+from solvers.spec.tables import BoundTable, HistoryTable, TimeList, UnitTable
+from solvers.spec.values import FREE, BoundValue, Interval, Value, bound_interval, evaluate_constant
+
+Name = Annotated[str, Text(200)]
+Constant = Annotated[Value, ExpressionIn("constant")]
+Ends = Annotated[dict[str, BoundValue], BoundTable("state", star=True)]
+History = list[Value] | dict[str, list[Value]]
+
+
+@dataclass(frozen=True)
+class WholeSpan(Unsupported):
+    """A window of normalised time; the whole of it, [0, 1], is what a constraint has anyway."""
+
+    def check(self, value: Any, scope: Scope) -> None:
+        """Refuse a part of the span."""
+        if value != [0, 1]:
+            super().check(value, scope)
+
+
+class PathConstraint(SpecModel):
+    """An expression that stays within bounds along the whole trajectory."""
+
+    name: Name = ""
+    """A name for the result."""
+    expression: PathExpression
+    """Expression in states, controls, parameters and t."""
+    bounds: Bound
+    """What its value must be or lie between."""
+    during: Annotated[None, WholeSpan("windows of path constraints are")] = None
+    """Part of the time span; not in this version."""
+
+
+class BoundaryConstraint(SpecModel):
+    """An expression of both ends that has given bounds."""
+
+    name: Name = ""
+    """A name for the result."""
+    expression: BoundaryExpression
+    """Expression in <state>_0, <state>_f, <control>_0, <control>_f, parameters, t0 and tf."""
+    bounds: Bound
+    """What its value must be or lie between."""
+
+
+class Objective(SpecModel):
+    """What is minimised: terminal cost + integral of the running cost over time (Bolza)."""
+
+    terminal: BoundaryExpression | None = None
+    """Terminal cost (Mayer), an expression of the ends such as ``tf``."""
+    running: PathExpression | None = None
+    """Running cost (Lagrange), integrated from t0 to tf."""
+    maximum: Annotated[None, Unsupported("a maximum objective is")] = None
+    """Peak value; not in this version."""
+
+    @model_validator(mode="after")
+    def _something(self) -> Self:
+        if self.terminal is None and self.running is None:
+            raise refuse("at least one of 'terminal' and 'running' is needed")
+        return self
+
+
+class Guess(SpecModel):
+    """Where the search starts; what is not given is taken from ends and bounds."""
+
+    final_time: Constant | None = None
+    """Final time."""
+    times: Annotated[list[Value], TimeList()] | None = None
+    """Times of all lists of ``states`` and ``controls``; equally spaced without it."""
+    states: Annotated[dict[str, History], HistoryTable("state")] = Field(default_factory=dict)
+    """State -> values over time."""
+    controls: Annotated[dict[str, History], HistoryTable("control")] = Field(default_factory=dict)
+    """Control -> values over time."""
+    from_result: Annotated[None, Unsupported("a guess from a result is")] = None
+    """Nodes of a result; not in this version."""
+
+    def history(
+        self, name: str, parameters: dict[str, float]
+    ) -> tuple[list[float] | None, list[float]] | None:
+        """Return ``(times, values)`` given for a state or control, or None if nothing is.
+
+        ``times`` is None where the values are equally spaced from initial to final time.
+        """
+        given = self.states.get(name, self.controls.get(name))
+        if given is None:
+            return None
+        times, values = self.times, given
+        if isinstance(given, dict):
+            times, values = given["times"], given["values"]
+        numbers = [evaluate_constant(value, parameters) for value in values]
+        return None if times is None else [evaluate_constant(time, parameters) for time in times], numbers
+
+
+class ProblemSpec(SpecModel):
+    """An optimal-control problem as submitted: every value is still a number or an expression."""
+
+    submitted_model: SubmittedModel = Field(alias="model", discriminator="kind")
+    """The equations of motion."""
+    initial_time: Bound = 0
+    """Initial time t0."""
+    final_time: Bound
+    """Final time tf; ``[lower, upper]`` where it is free."""
+    initial_state: Ends
+    """State -> bound at t0, for every state; ``null`` is free, ``"*"`` stands for all that are not named."""
+    final_state: Ends = Field(default_factory=dict)
+    """State -> bound at tf; states that are not named are free."""
+    bounds: Annotated[dict[str, BoundValue], BoundTable("state or control")] = Field(default_factory=dict)
+    """State or control -> bound along the trajectory."""
+    path_constraints: list[PathConstraint] = Field(default_factory=list)
+    """Constraints along the trajectory."""
+    boundary_constraints: list[BoundaryConstraint] = Field(default_factory=list)
+    """Constraints on both ends together."""
+    objective: Objective
+    """What is minimised."""
+    guess: Guess = Guess()
+    """Where the search starts."""
+    units: Annotated[dict[str, str], UnitTable()] = Field(default_factory=dict)
+    """Name -> label of its unit."""
+    control_rates: Annotated[None, Unsupported("bounds on control rates are")] = None
+    """Control -> bound of its rate; not in this version."""
+    initial_control: Annotated[None, Unsupported("bounds on the initial control are")] = None
+    """Control -> bound at t0; not in this version."""
+    final_control: Annotated[None, Unsupported("bounds on the final control are")] = None
+    """Control -> bound at tf; not in this version."""
+    integrals: Annotated[None, Unsupported("integrals are")] = None
+    """Integrals over time with bounds; not in this version."""
+    design: Annotated[None, Unsupported("design parameters are")] = None
+    """Parameters that are optimised too; not in this version."""
+    outputs: Annotated[None, Unsupported("outputs are")] = None
+    """Expressions to be sampled; not in this version."""
+    data: Annotated[None, Unsupported("data tables are")] = None
+    """Tables over time; not in this version."""
+    scenarios: Annotated[None, Unsupported("scenarios are")] = None
+    """One command for several plants; not in this version."""
+    phases: Annotated[None, Unsupported("phases are")] = None
+    """Several problems in sequence; not in this version."""
+    links: Annotated[None, Unsupported("links between phases are")] = None
+    """How phases are joined; not in this version."""
+
+    @cached_property
+    def model(self) -> MechanicalModel | FirstOrderModel:
+        """The equations of motion, with a library model written out."""
+        model = self.submitted_model
+        return model.expand() if isinstance(model, LibraryReference) else model
+
+
+def initial_intervals(problem: ProblemSpec) -> dict[str, Interval]:
+    """Return ``(lower, upper)`` at t0 for every state, infinite where free."""
+    return _intervals(problem, problem.initial_state)
+
+
+def final_intervals(problem: ProblemSpec) -> dict[str, Interval]:
+    """Return ``(lower, upper)`` at tf for every state, infinite where free."""
+    return _intervals(problem, problem.final_state)
+
+
+def path_intervals(problem: ProblemSpec) -> dict[str, Interval]:
+    """Return ``(lower, upper)`` along the trajectory for every state and control, infinite where free."""
+    values = problem.model.parameter_values()
+    names = problem.model.states + problem.model.controls
+    return {name: bound_interval(problem.bounds.get(name), values) for name in names}
+
+
+def _intervals(problem: ProblemSpec, ends: dict[str, BoundValue]) -> dict[str, Interval]:
+    values = problem.model.parameter_values()
+    star = bound_interval(ends["*"], values) if "*" in ends else FREE
+    return {
+        state: bound_interval(ends[state], values) if state in ends else star
+        for state in problem.model.states
+    }

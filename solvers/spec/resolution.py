@@ -1,0 +1,90 @@
+"""The document with every default filled in, and its fingerprint."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from solvers.spec.base import SpecModel
+from solvers.spec.faults import Path, pointer
+from solvers.spec.models import LibraryReference
+
+if TYPE_CHECKING:
+    from solvers.spec.job import JobSpec
+
+_IGNORED = frozenset({"schema_uri", "reference"})
+_LARGEST_EXACT = 2**53
+
+
+@dataclass(frozen=True, slots=True)
+class Resolution:
+    """A document with all defaults (JSON types only), what was filled in, and the SHA-256 of the whole.
+
+    Keys that are optional and empty are left out. ``sha256`` is that of `canonical_json`.
+    """
+
+    document: dict[str, Any]
+    defaults_applied: tuple[str, ...]
+    sha256: str
+
+
+def resolve(spec: JobSpec) -> Resolution:
+    """Return the document of ``spec`` with every default written out."""
+    defaults: list[Path] = []
+    document = _plain_object(spec, (), defaults)
+    verification = document["options"].setdefault("verification", {})
+    for name, value in spec.verification_tolerances().items():
+        if name not in verification:
+            verification[name] = value
+            defaults.append(("options", "verification", name))
+    model = spec.problem.submitted_model
+    if isinstance(model, LibraryReference):
+        given = document["problem"]["model"].get("parameters", {})
+        document["problem"]["model"]["parameters"] = dict(spec.problem.model.parameters)
+        names = spec.problem.model.parameters
+        defaults += [("problem", "model", "parameters", name) for name in names if name not in given]
+    digest = hashlib.sha256(canonical_json(document).encode()).hexdigest()
+    return Resolution(document, tuple(pointer(path) for path in defaults), digest)
+
+
+def canonical_json(document: Any) -> str:
+    """Return a JSON text that is the same for equal documents: keys sorted, 440.0 written as 440."""
+    return json.dumps(_canonical(document), sort_keys=True, separators=(",", ":"), allow_nan=False)
+
+
+def _canonical(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {key: _canonical(item) for key, item in value.items()}
+    if isinstance(value, list):
+        return [_canonical(item) for item in value]
+    if isinstance(value, float) and value.is_integer() and abs(value) < _LARGEST_EXACT:
+        return int(value)
+    return value
+
+
+def _plain_object(model: SpecModel, path: Path, defaults: list[Path]) -> dict[str, Any]:
+    plain: dict[str, Any] = {}
+    for name, info in type(model).model_fields.items():
+        value = getattr(model, name)
+        key = info.alias or name
+        empty = value is None or (isinstance(value, str | list | tuple | dict) and len(value) == 0)
+        if name in _IGNORED or (empty and not info.is_required()):
+            continue
+        if name not in model.model_fields_set and not isinstance(value, SpecModel):
+            defaults.append((*path, key))
+        written = _plain(value, (*path, key), defaults)
+        if written != {} or info.is_required():
+            plain[key] = written
+    return plain
+
+
+def _plain(value: Any, path: Path, defaults: list[Path]) -> Any:
+    if isinstance(value, SpecModel):
+        return _plain_object(value, path, defaults)
+    if isinstance(value, dict):
+        return {key: _plain(item, (*path, key), defaults) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(item, (*path, index), defaults) for index, item in enumerate(value)]
+    return value

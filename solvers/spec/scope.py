@@ -1,0 +1,150 @@
+"""What a document names, read before its fields are checked.
+
+The reader is tolerant: it takes what it understands and leaves the rest to the checks of the fields, which
+ask the scope which names they may use and what constants are worth. So one pass reports every mistake.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from solvers.errors import ExpressionError
+from solvers.expressions import ExpressionLimitError, did_you_mean, parse, quoted
+from solvers.models import LIBRARY
+from solvers.spec.faults import Flaws, kind_of
+from solvers.spec.values import evaluate_constant
+
+_SUGGESTIONS = 20
+
+
+@dataclass(slots=True)
+class Scope:
+    """The names of a document and the values of its parameters.
+
+    ``known`` is False where the model could not be read: then names are not judged, because every one of
+    them would look unknown. ``parameters`` holds those that have a value; ``parameter_names`` all of them.
+    """
+
+    document: dict[str, Any]
+    problem: dict[str, Any]
+    model: dict[str, Any]
+    known: bool = False
+    coordinates: tuple[str, ...] = ()
+    states: tuple[str, ...] = ()
+    controls: tuple[str, ...] = ()
+    parameters: dict[str, float] = field(default_factory=dict)
+    parameter_names: frozenset[str] = frozenset()
+    parameter_flaws: Flaws = field(default_factory=Flaws)
+    model_names: frozenset[str] = frozenset()
+    boundary_names: frozenset[str] = frozenset()
+    rate_names: frozenset[str] = frozenset()
+    suggestions: int = _SUGGESTIONS
+
+    def suggest(self, word: str, candidates: Iterable[str]) -> str:
+        """Return ``"; did you mean ...?"``; only the first 20 mistakes of a document get one."""
+        if self.suggestions == 0:
+            return ""
+        self.suggestions -= 1
+        return did_you_mean(word, sorted(candidates))
+
+    def names(self, place: str) -> frozenset[str]:
+        """Return the names that an expression at ``place`` (constant, model, path or boundary) may use."""
+        if place == "constant":
+            return self.parameter_names
+        return self.boundary_names if place == "boundary" else self.model_names
+
+
+def mapping(value: object) -> dict[str, Any]:
+    """Return ``value`` if it is an object, else an empty one."""
+    return value if isinstance(value, dict) else {}
+
+
+def read_scope(document: dict[str, Any]) -> Scope:
+    """Read what names a document holds; never raises, whatever the document is."""
+    problem = mapping(document.get("problem"))
+    scope = Scope(document, problem, mapping(problem.get("model")))
+    read_model(scope)
+    return scope
+
+
+def read_model(scope: Scope) -> None:
+    """Fill in the names of ``scope.model``; a model of the library is replaced by its equations."""
+    overrides: dict[str, Any] = {}
+    if scope.model.get("kind") == "library":
+        name = scope.model.get("name")
+        entry = LIBRARY.get(name) if isinstance(name, str) else None
+        if entry is None:
+            return
+        overrides = mapping(scope.model.get("parameters"))
+        scope.model = entry.document(overrides)
+    model = scope.model
+    table = mapping(model.get("parameters"))
+    scope.parameter_names = frozenset(key for key in table if isinstance(key, str))
+    _read_parameters(scope, table)
+    kind = model.get("kind")
+    if kind == "mechanical":
+        coordinates = _name_list(model.get("coordinates"))
+        states = None if coordinates is None else coordinates + tuple(f"{q}_dot" for q in coordinates)
+        scope.coordinates = coordinates or ()
+    else:
+        states = _name_list(model.get("states")) if kind == "first_order" else None
+    controls = _name_list(model.get("controls"))
+    if states is None or controls is None:
+        return
+    scope.known = True
+    scope.states, scope.controls = states, controls
+    _read_names(scope)
+
+
+def _read_names(scope: Scope) -> None:
+    # What is refused as unsupported at its own key still counts as a name, lest it be reported twice.
+    asked = {*mapping(scope.model.get("definitions")), *mapping(scope.problem.get("design"))}
+    ends = {f"{name}{end}" for name in scope.states + scope.controls for end in ("_0", "_f")}
+    ends |= set(_named(scope.problem.get("integrals")))
+    ends |= {f"{name}_f" for name in _named(scope.problem.get("outputs"))}
+    scope.rate_names = frozenset(f"{q}_ddot" for q in scope.coordinates) | {
+        f"{u}_dot" for u in scope.controls
+    }
+    scope.model_names = scope.parameter_names.union(scope.states, scope.controls, ("t",), asked)
+    scope.boundary_names = scope.parameter_names.union(ends, ("t0", "tf"), asked)
+
+
+def _named(items: object) -> list[str]:
+    names = [mapping(item).get("name") for item in items] if isinstance(items, list) else []
+    return [name for name in names if isinstance(name, str)]
+
+
+def _name_list(value: object) -> tuple[str, ...] | None:
+    if not isinstance(value, list | tuple):
+        return None
+    return tuple(name for name in value if isinstance(name, str))
+
+
+def _read_parameters(scope: Scope, table: Mapping[Any, Any]) -> None:
+    """Evaluate the parameters in order; what is wrong with them is kept for the check of the table."""
+    flaws, earlier = scope.parameter_flaws, set[str]()
+    for name, value in table.items():
+        if not isinstance(name, str):
+            continue
+        if isinstance(value, bool) or not isinstance(value, int | float | str):
+            flaws.add(f"must be a number or an expression, not {kind_of(value)}", name)
+        else:
+            _read_parameter(scope, name, value, earlier)
+        earlier.add(name)
+
+
+def _read_parameter(scope: Scope, name: str, value: float | str, earlier: set[str]) -> None:
+    flaws = scope.parameter_flaws
+    try:
+        unknown = parse(value).undefined(earlier) if isinstance(value, str) else []
+        for other in unknown:
+            if other in scope.parameter_names:
+                flaws.add(f"{quoted(other)} comes later; a parameter may use earlier ones only", name)
+            else:
+                flaws.add(f"unknown name {quoted(other)}{scope.suggest(other, earlier)}", name)
+        if not isinstance(value, str) or parse(value).names <= scope.parameters.keys():
+            scope.parameters[name] = evaluate_constant(value, scope.parameters)
+    except ExpressionError as error:
+        flaws.add(str(error), name, type="limit" if isinstance(error, ExpressionLimitError) else "invalid")
