@@ -1,0 +1,53 @@
+"""What an expression is evaluated over: the functions and the linear solve of NumPy arrays.
+
+The counterpart over CasADi symbols is :mod:`solvers.symbolic`; problems are written once, for both.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, Protocol
+
+import numpy as np
+
+from solvers.expressions import NUMPY_FUNCTIONS
+
+
+class Backend(Protocol):
+    """The few operations that a model needs besides arithmetic."""
+
+    @property
+    def functions(self) -> Mapping[str, Callable[..., Any]]:
+        """The functions that an expression may call, by name."""
+        ...
+
+    def solve(self, matrix: Sequence[Sequence[Any]], right: Sequence[Any]) -> list[Any]:
+        """Solve a square linear system whose entries are values of this backend."""
+        ...
+
+
+class NumpyBackend:
+    """Values are floats or arrays of one shape (K,): one number for each place."""
+
+    @property
+    def functions(self) -> Mapping[str, Callable[..., Any]]:
+        """NumPy's functions by the names of the expression language."""
+        return NUMPY_FUNCTIONS
+
+    def solve(self, matrix: Sequence[Sequence[Any]], right: Sequence[Any]) -> list[Any]:
+        """Solve K systems at once; a singular one yields NaN at its place."""
+        size = len(right)
+        entries = np.broadcast_arrays(*[entry for row in matrix for entry in row], *right)
+        stacked = np.moveaxis(np.asarray(entries[: size * size], np.float64), 0, -1)
+        stacked = stacked.reshape(*stacked.shape[:-1], size, size)
+        vectors = np.moveaxis(np.asarray(entries[size * size :], np.float64), 0, -1)[..., None]
+        try:
+            solved = np.linalg.solve(stacked, vectors)
+        except np.linalg.LinAlgError:
+            regular = np.linalg.matrix_rank(stacked) == size
+            safe = np.where(regular[..., None, None], stacked, np.eye(size))
+            solved = np.where(regular[..., None, None], np.linalg.solve(safe, vectors), np.nan)
+        return list(np.moveaxis(solved[..., 0], -1, 0))
+
+
+NUMPY = NumpyBackend()

@@ -1,0 +1,129 @@
+"""Functions of normalised time tau in [0, 1]: what a method returns for each state and control."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import CubicHermiteSpline, PPoly
+
+from solvers.bases.cubic_spline import CubicSplineSpace
+from solvers.bases.hermite import cubic_pieces, quadratic_pieces
+from solvers.bases.legendre import barycentric_weights, differentiation_matrix, lagrange_matrix
+
+Vector = NDArray[np.float64]
+
+
+class Curve(Protocol):
+    """A scalar function of tau in [0, 1]."""
+
+    def __call__(self, tau: Vector, derivative: int = 0) -> Vector:
+        """Values, or the ``derivative``-th derivative with respect to tau, shape of ``tau``."""
+        ...
+
+
+@dataclass(frozen=True)
+class SplineCurve:
+    """A cubic C2 spline by its B-spline coefficients."""
+
+    space: CubicSplineSpace
+    coefficients: Vector
+
+    def __call__(self, tau: Vector, derivative: int = 0) -> Vector:
+        """See :class:`Curve`."""
+        return self.space.evaluate(self.coefficients, tau, derivative)
+
+
+@dataclass(frozen=True)
+class DerivativeCurve:
+    """The derivative of another curve, times ``factor``."""
+
+    curve: Curve
+    factor: float
+
+    def __call__(self, tau: Vector, derivative: int = 0) -> Vector:
+        """See :class:`Curve`."""
+        return self.factor * self.curve(tau, derivative + 1)
+
+
+@dataclass(frozen=True)
+class HermiteCurve:
+    """A piecewise cubic by values and slopes (with respect to tau) at knots."""
+
+    knots: Vector
+    values: Vector
+    slopes: Vector
+
+    def __call__(self, tau: Vector, derivative: int = 0) -> Vector:
+        """See :class:`Curve`."""
+        return np.asarray(self._pieces(tau, derivative), np.float64)
+
+    @cached_property
+    def _pieces(self) -> CubicHermiteSpline:
+        return cubic_pieces(self.knots, self.values, self.slopes)
+
+
+@dataclass(frozen=True)
+class LinearCurve:
+    """Straight lines between values at points that ascend from 0 to 1."""
+
+    points: Vector
+    values: Vector
+
+    def __call__(self, tau: Vector, derivative: int = 0) -> Vector:
+        """See :class:`Curve`."""
+        if derivative == 0:
+            return np.interp(tau, self.points, self.values)
+        piece = np.clip(np.searchsorted(self.points, tau, side="right") - 1, 0, self.points.size - 2)
+        slopes = np.diff(self.values) / np.diff(self.points)
+        return slopes[piece] if derivative == 1 else np.zeros_like(tau)
+
+
+@dataclass(frozen=True)
+class QuadraticCurve:
+    """A continuous piecewise quadratic by values at the knots and the midpoints between them."""
+
+    knots: Vector
+    values: Vector
+
+    def __call__(self, tau: Vector, derivative: int = 0) -> Vector:
+        """See :class:`Curve`."""
+        return np.asarray(self._pieces(tau, derivative), np.float64)
+
+    @cached_property
+    def _pieces(self) -> PPoly[np.float64]:
+        triples = np.column_stack([self.values[:-2:2], self.values[1::2], self.values[2::2]])
+        return quadratic_pieces(self.knots, triples)
+
+
+@dataclass(frozen=True)
+class LagrangeCurve:
+    """A polynomial on each segment, by its values at support points.
+
+    ``breaks``: ends of the S segments, from 0 to 1; ``support``: points in [-1, 1], the same in each segment;
+    ``values``: S x len(support).
+    """
+
+    breaks: Vector
+    support: Vector
+    values: Vector
+
+    def __call__(self, tau: Vector, derivative: int = 0) -> Vector:
+        """See :class:`Curve`; at an inner break the segment on the right speaks."""
+        segment = np.clip(np.searchsorted(self.breaks, tau, side="right") - 1, 0, self.breaks.size - 2)
+        widths = np.diff(self.breaks)
+        local = 2.0 * (tau - self.breaks[segment]) / widths[segment] - 1.0
+        values, weights = self.values, self._weights
+        if derivative:
+            slopes = differentiation_matrix(self.support, weights)
+            for _ in range(derivative):
+                values = (values @ slopes.T) * (2.0 / widths)[:, None]
+        rows = lagrange_matrix(self.support, weights, local)
+        return np.asarray(np.sum(rows * values[segment], axis=1), np.float64)
+
+    @cached_property
+    def _weights(self) -> Vector:
+        return barycentric_weights(self.support)

@@ -1,0 +1,57 @@
+"""Which expression of the document has no finite value, when a solve stumbles over one."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from solvers.backends import NUMPY
+from solvers.errors import EvaluationError
+from solvers.expressions import Expression, parse
+from solvers.problem import OptimalControlProblem
+from solvers.spec import MechanicalModel, ProblemSpec
+from solvers.trajectory import Trajectory
+
+
+def find_evaluation_error(
+    spec: ProblemSpec, problem: OptimalControlProblem, trajectory: Trajectory
+) -> EvaluationError | None:
+    """The first expression that is not finite on the nodes of this trajectory, or None."""
+    tau = trajectory.nodes
+    times = trajectory.time(tau)
+    scope = problem.scope(
+        trajectory.states_at(tau), trajectory.controls_at(tau), times, problem.parameters
+    )
+    for pointer, expression in _along_the_trajectory(spec):
+        with np.errstate(all="ignore"):
+            values = np.broadcast_to(expression.evaluate(scope, NUMPY.functions), tau.shape)
+        bad = np.flatnonzero(~np.isfinite(values))
+        if bad.size:
+            where = ", ".join(
+                f"{name} = {float(np.broadcast_to(scope[name], tau.shape)[bad[0]]):.6g}"
+                for name in sorted(expression.names - set(problem.parameters))
+            )
+            detail = f"'{expression.text}' has no finite value at t = {times[bad[0]]:.6g}"
+            return EvaluationError(pointer, f"{detail} ({where})" if where else detail)
+    return None
+
+
+def _along_the_trajectory(spec: ProblemSpec) -> Iterator[tuple[str, Expression]]:
+    """Every expression of states, controls and t with its pointer."""
+    model = spec.model
+    base = "/problem/model"
+    if isinstance(model, MechanicalModel):
+        for key in ("mass", "damping", "stiffness", "input"):
+            for i, row in enumerate(getattr(model, key) or ()):
+                for j, entry in enumerate(row):
+                    yield f"{base}/{key}/{i}/{j}", parse(entry)
+        for i, entry in enumerate(model.force or ()):
+            yield f"{base}/force/{i}", parse(entry)
+    else:
+        for name, entry in model.dynamics.items():
+            yield f"{base}/dynamics/{name}", parse(entry)
+    for index, constraint in enumerate(spec.path_constraints):
+        yield f"/problem/path_constraints/{index}/expression", parse(constraint.expression)
+    if spec.objective.running is not None:
+        yield "/problem/objective/running", parse(spec.objective.running)

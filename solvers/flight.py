@@ -1,0 +1,210 @@
+"""Fly a control: integrate the model over every arc at once, and join the arcs to one flight.
+
+An arc lies between two breakpoints of the control; on it everything is smooth. All arcs are integrated side by
+side in s in [0, 1] by one call of DOP853 (Hairer, Norsett, Wanner 1993, II.5). The whole flight is then the
+solution of y_(k+1) = Phi_k(y_k), found by Newton's method on all arcs together (multiple shooting; Bulirsch and
+Stoer 1993, 7.3.5): it costs a few batches instead of one long sequence of steps, and its linearised growth
+falls out of it.
+"""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.integrate import solve_ivp
+
+from solvers.backends import NUMPY
+from solvers.errors import OndeletteError
+from solvers.problem import OptimalControlProblem
+from solvers.trajectory import Trajectory
+
+Vector = NDArray[np.float64]
+
+INTEGRATOR = "DOP853"
+RTOL = 1e-12
+_SMALLEST_RTOL = 2.5e-14
+_INSIDE = np.array([0.25, 0.5, 0.75, 1.0])
+_NEWTON_STEPS = 12
+_SAMPLES_PER_ARC = 16
+
+
+class FlightError(OndeletteError):
+    """The integration did not come to its end: out of time, or the state escaped."""
+
+
+@dataclass(frozen=True)
+class Arcs:
+    """What K arcs give: ``ends`` (n, K), ``inside`` (n, K, 4) at s = 1/4, 1/2, 3/4, 1, ``costs`` (K,)."""
+
+    ends: Vector
+    inside: Vector
+    costs: Vector
+
+
+@dataclass(frozen=True)
+class Flight:
+    """One whole flight: ``states`` (n, K + 1) at the breakpoints, its running ``cost``.
+
+    ``growth``: the largest factor by which a small error on the way grows until the end, in scaled states.
+    """
+
+    states: Vector
+    cost: float
+    growth: float
+
+
+class ControlledModel:
+    """The model under the control of a trajectory, clipped to its bounds; integrates arcs."""
+
+    def __init__(
+        self, problem: OptimalControlProblem, trajectory: Trajectory, scale: Vector, deadline: float
+    ) -> None:
+        self._problem, self._trajectory = problem, trajectory
+        self._scale, self._deadline = scale, deadline
+        self.bounds = np.array(problem.control_bounds, np.float64).reshape(-1, 2)
+        self.breakpoints = np.union1d(trajectory.breakpoints, self._crossings())
+
+    @property
+    def arcs(self) -> int:
+        """K, the number of arcs."""
+        return self.breakpoints.size - 1
+
+    def clipped(self, tau: Vector) -> Vector:
+        """Controls (m, len(tau)) as flown."""
+        controls = self._trajectory.controls_at(tau)
+        return np.clip(controls, self.bounds[:, :1], self.bounds[:, 1:])
+
+    def integrate(self, starts: Vector, arcs: NDArray[np.intp]) -> Arcs:
+        """Integrate the arcs of these indices from ``starts`` (n, len(arcs)).
+
+        Raises :class:`FlightError` when time runs out or a state is no longer finite.
+        """
+        n, count = starts.shape
+        left, width = self.breakpoints[arcs], np.diff(self.breakpoints)[arcs]
+        # Strictly inside: at a jump of the control, an end belongs to the arc and not to its neighbour.
+        margin = 1e-12 * width
+        duration = self._trajectory.duration * width
+
+        def rate(s: float, flat: Vector) -> Vector:
+            if time.monotonic() > self._deadline:
+                raise FlightError("the time for verification ran out")
+            tau = np.clip(left + s * width, left + margin, left + width - margin)
+            return (duration * self._rate(flat.reshape(n + 1, count)[:n], tau)).ravel()
+
+        start = np.vstack([starts, np.zeros((1, count))])
+        # solve_ivp weighs the error by its mean square over all arcs: ask for more, so that none is left behind.
+        solution = solve_ivp(
+            rate,
+            (0.0, 1.0),
+            start.ravel(),
+            method="DOP853",
+            t_eval=_INSIDE,
+            rtol=max(RTOL / np.sqrt(count), _SMALLEST_RTOL),
+            atol=np.repeat(np.append(self._scale, 1.0) * RTOL / 10.0, count),
+        )
+        if not solution.success:
+            raise FlightError(f"the integration stopped: {solution.message}")
+        values = solution.y.reshape(n + 1, count, _INSIDE.size)
+        if not np.isfinite(values).all():
+            raise FlightError("the state is no longer finite")
+        return Arcs(values[:n, :, -1], values[:n], values[n, :, -1])
+
+    def fly(self, guess: Vector) -> Flight:
+        """The whole flight from ``guess[:, 0]``; ``guess`` (n, K + 1) is close to it at the breakpoints.
+
+        Raises :class:`FlightError` as :meth:`integrate` does.
+        """
+        states = guess.copy()
+        every = np.arange(self.arcs)
+        for _ in range(_NEWTON_STEPS):
+            slopes, arcs = self._linearised(states[:, :-1])
+            gaps = arcs.ends - states[:, 1:]
+            step = _accumulate(slopes, gaps)
+            states[:, 1:] += step
+            if not np.isfinite(states).all():
+                break
+            if np.max(np.abs(step) / self._scale[:, None]) < 1e-7:
+                # Newton squares the error: one more pass of the arcs closes the gaps to rounding.
+                arcs = self.integrate(states[:, :-1], every)
+                states[:, 1:] += _accumulate(slopes, arcs.ends - states[:, 1:])
+                return Flight(states, float(arcs.costs.sum()), self._growth(slopes))
+        return self._march(guess[:, 0])
+
+    def _march(self, start: Vector) -> Flight:
+        """The flight arc after arc, where Newton's method fails."""
+        states, cost = [start], 0.0
+        for index in range(self.arcs):
+            arc = self.integrate(states[-1][:, None], np.array([index]))
+            states.append(arc.ends[:, 0])
+            cost += float(arc.costs[0])
+        flown = np.column_stack(states)
+        slopes, _ = self._linearised(flown[:, :-1])
+        return Flight(flown, cost, self._growth(slopes))
+
+    def _rate(self, states: Vector, tau: Vector) -> Vector:
+        """Rates of the states and of the running cost, (n + 1, len(tau))."""
+        problem = self._problem
+        scope = problem.scope(states, self.clipped(tau), self._trajectory.time(tau), problem.parameters)
+        with np.errstate(all="ignore"):
+            rates = problem.dynamics.rate(scope, NUMPY)
+            cost = 0.0 if problem.running_cost is None else problem.running_cost.evaluate(scope, NUMPY.functions)
+        return np.array(np.broadcast_arrays(*rates, cost, tau)[:-1], np.float64)
+
+    def _linearised(self, starts: Vector) -> tuple[Vector, Arcs]:
+        """d(end)/d(start) of each arc by differences, (K, n, n), and the arcs themselves."""
+        n, count = starts.shape
+        offset = 1e-6 * self._scale
+        bundle = np.concatenate([starts, *[starts + (offset * unit)[:, None] for unit in np.eye(n)]], axis=1)
+        flown = self.integrate(bundle, np.tile(np.arange(count), n + 1))
+        ends = flown.ends.reshape(n, n + 1, count)
+        slopes = (ends[:, 1:] - ends[:, :1]) / offset[None, :, None]
+        own = Arcs(ends[:, 0], flown.inside[:, :count], flown.costs[:count])
+        return np.moveaxis(slopes, -1, 0), own
+
+    def _growth(self, slopes: Vector) -> float:
+        scaled = slopes * (self._scale[None, None, :] / self._scale[None, :, None])
+        product = np.eye(self._scale.size)
+        growth = 1.0
+        with np.errstate(over="ignore", invalid="ignore"):
+            for slope in scaled[::-1]:
+                product = product @ slope
+                size = float(np.max(np.abs(product)))
+                if not np.isfinite(size):
+                    return float("inf")
+                growth = max(growth, size)
+        return growth
+
+    def _crossings(self) -> Vector:
+        """Where a control crosses a bound between breakpoints: the clipped control has a corner there."""
+        breaks = self._trajectory.breakpoints
+        fractions = np.linspace(0.0, 1.0, _SAMPLES_PER_ARC + 1)
+        tau = np.append((breaks[:-1, None] + np.diff(breaks)[:, None] * fractions[:-1]).ravel(), 1.0)
+        found = [np.zeros(0)]
+        for index, curve in enumerate(self._trajectory.controls.values()):
+            for bound in self.bounds[index]:
+                if np.isfinite(bound):
+                    above = curve(tau) > bound
+                    change = np.flatnonzero(above[1:] != above[:-1])
+                    low, high, side = tau[change], tau[change + 1], above[change]
+                    for _ in range(50):
+                        middle = 0.5 * (low + high)
+                        same = (curve(middle) > bound) == side
+                        low, high = np.where(same, middle, low), np.where(same, high, middle)
+                    found.append(0.5 * (low + high))
+        crossings = np.concatenate(found)
+        nearest = np.min(np.abs(crossings[:, None] - breaks[None, :]), axis=1, initial=1.0)
+        return crossings[nearest > 1e-10]
+
+
+def _accumulate(slopes: Vector, gaps: Vector) -> Vector:
+    """The recursion d_(k+1) = A_k d_k + r_k from d_0 = 0: columns d_1 ... d_K."""
+    steps = np.empty_like(gaps)
+    step = np.zeros(gaps.shape[0])
+    with np.errstate(over="ignore", invalid="ignore"):
+        for index, slope in enumerate(slopes):
+            step = slope @ step + gaps[:, index]
+            steps[:, index] = step
+    return steps

@@ -1,0 +1,137 @@
+"""Where a solve starts: the document's guess, and straight lines where it says nothing."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from solvers.spec import Guess as GuessSpec
+from solvers.spec import evaluate_constant
+
+Vector = NDArray[np.float64]
+Interval = tuple[float, float]
+Ends = tuple[tuple[Interval, ...], tuple[Interval, ...]]
+WHOLE = np.array([0.0, 1.0])
+
+
+class Start(Protocol):
+    """Where a transcription starts: a guess, or the trajectory of an earlier solve on any mesh."""
+
+    @property
+    def t0(self) -> float:
+        """Initial time."""
+        ...
+
+    @property
+    def tf(self) -> float:
+        """Final time."""
+        ...
+
+    def states_at(self, tau: Vector) -> Vector:
+        """States at K instants of normalised time, (n, K)."""
+        ...
+
+    def controls_at(self, tau: Vector) -> Vector:
+        """Controls at K instants of normalised time, (m, K)."""
+        ...
+
+
+@dataclass(frozen=True)
+class Guess:
+    """States and controls as piecewise linear functions of normalised time tau in [0, 1].
+
+    ``states`` and ``controls`` hold a pair (tau, values) for each name in order.
+    """
+
+    t0: float
+    tf: float
+    states: tuple[tuple[Vector, Vector], ...]
+    controls: tuple[tuple[Vector, Vector], ...]
+
+    def states_at(self, tau: Vector) -> Vector:
+        """States at K instants, (n, K)."""
+        return _sample(self.states, tau)
+
+    def controls_at(self, tau: Vector) -> Vector:
+        """Controls at K instants, (m, K)."""
+        return _sample(self.controls, tau)
+
+
+def make_guess(
+    spec: GuessSpec,
+    states: Sequence[str],
+    controls: Sequence[str],
+    parameters: dict[str, float],
+    *,
+    times: tuple[Interval, Interval],
+    ends: Ends,
+    bounds: Ends,
+) -> Guess:
+    """Build the guess of a document.
+
+    Default: straight lines between the known ends (a free end takes the other end's value, else the middle of
+    the bounds, else 0); controls at the middle of two-sided bounds, else the value nearest to 0 inside them;
+    the final time at the geometric mean of its bounds, max(2 lower, 1) without an upper one.
+    """
+    t0 = _middle(times[0])
+    tf = (
+        _default_final_time(times[1], t0)
+        if spec.final_time is None
+        else evaluate_constant(spec.final_time, parameters)
+    )
+    return Guess(
+        t0,
+        tf,
+        tuple(
+            _history(spec, name, parameters, times=(t0, tf))
+            or (WHOLE, _line(ends[0][i], ends[1][i], bounds[0][i]))
+            for i, name in enumerate(states)
+        ),
+        tuple(
+            _history(spec, name, parameters, times=(t0, tf)) or (WHOLE, np.full(2, _middle(bounds[1][j])))
+            for j, name in enumerate(controls)
+        ),
+    )
+
+
+def _sample(pieces: Sequence[tuple[Vector, Vector]], tau: Vector) -> Vector:
+    return np.array([np.interp(tau, *piece) for piece in pieces]).reshape(len(pieces), tau.size)
+
+
+def _middle(interval: Interval) -> float:
+    lower, upper = interval
+    if np.isfinite(lower) and np.isfinite(upper):
+        return 0.5 * (lower + upper)
+    return float(np.clip(0.0, lower, upper))
+
+
+def _default_final_time(interval: Interval, initial_time: float) -> float:
+    lower, upper = interval
+    if np.isfinite(lower) and np.isfinite(upper):
+        return float(np.sqrt(lower * upper)) if lower > 0 else 0.5 * (lower + upper)
+    if np.isfinite(upper):
+        return 0.5 * (initial_time + upper)
+    return max(2 * lower, 1.0) if np.isfinite(lower) else initial_time + 1.0
+
+
+def _line(start: Interval, stop: Interval, bounds: Interval) -> Vector:
+    ends = [_middle(end) if np.isfinite(end).any() else None for end in (start, stop)]
+    known = [value for value in ends if value is not None]
+    fallback = known[0] if known else _middle(bounds)
+    return np.array([fallback if value is None else value for value in ends])
+
+
+def _history(
+    spec: GuessSpec, name: str, parameters: dict[str, float], *, times: Interval
+) -> tuple[Vector, Vector] | None:
+    given = spec.history(name, parameters)
+    if given is None:
+        return None
+    instants, values = given
+    if instants is None:
+        return np.linspace(0.0, 1.0, len(values)), np.array(values)
+    return (np.array(instants) - times[0]) / (times[1] - times[0]), np.array(values)

@@ -1,0 +1,1 @@
+"""Optimizers of nonlinear programs; they know nothing of optimal control."""

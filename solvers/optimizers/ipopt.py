@@ -1,0 +1,179 @@
+"""IPOPT (Waechter and Biegler 2006) through CasADi: iterations are watched, and can be stopped between them."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from solvers.program import NonlinearProgram, compile_program
+from solvers.status import SolveStatus
+
+Vector = NDArray[np.float64]
+
+_REPORT_EVERY = 0.1  # seconds; a report copies all unknowns, which would cost more than a small iteration
+
+_STATUS = {
+    "Solve_Succeeded": SolveStatus.CONVERGED,
+    "Solved_To_Acceptable_Level": SolveStatus.CONVERGED,
+    "Feasible_Point_Found": SolveStatus.CONVERGED,
+    "Infeasible_Problem_Detected": SolveStatus.INFEASIBLE,
+    "Maximum_Iterations_Exceeded": SolveStatus.ITERATION_LIMIT,
+    "Maximum_CpuTime_Exceeded": SolveStatus.TIME_LIMIT,
+    "Maximum_WallTime_Exceeded": SolveStatus.TIME_LIMIT,
+    "Invalid_Number_Detected": SolveStatus.EVALUATION_ERROR,
+}
+
+
+@dataclass(frozen=True)
+class Iterate:
+    """A moment of the optimization, in the scaled quantities of the program."""
+
+    iteration: int
+    objective: float
+    infeasibility: float
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """Where the optimizer stopped; ``unknowns`` (n,), ``row_multipliers`` (m,), ``bound_multipliers`` (n,)."""
+
+    unknowns: Vector
+    objective: float
+    row_multipliers: Vector
+    bound_multipliers: Vector
+    status: SolveStatus
+    solver_status: str
+    iterations: int
+    build_seconds: float
+    solve_seconds: float
+
+
+@dataclass(frozen=True)
+class Limits:
+    """When to stop: ``deadline`` is a value of ``time.monotonic()``; ``cancelled`` is asked every iteration."""
+
+    tolerance: float
+    max_iterations: int
+    deadline: float
+    cancelled: Callable[[], bool]
+
+
+class _Watcher(ca.Callback):  # type: ignore[misc]
+    """Called by IPOPT after each iteration; a return value of 1 stops it and keeps the iterate."""
+
+    def __init__(
+        self, program: NonlinearProgram, limits: Limits, report: Callable[[Iterate], None]
+    ) -> None:
+        ca.Callback.__init__(self)
+        self._program, self._limits, self._report = program, limits, report
+        self._next_report = 0.0
+        self.iterations = 0
+        self.stopped_by: SolveStatus | None = None
+        self.error: Exception | None = None
+        self.construct("watcher", {})
+
+    def get_n_in(self) -> int:
+        return int(ca.nlpsol_n_out())
+
+    def get_n_out(self) -> int:
+        return 1
+
+    def get_sparsity_in(self, index: int) -> ca.Sparsity:
+        name = ca.nlpsol_out(index)
+        sizes = {
+            "f": 1,
+            "x": self._program.variables,
+            "lam_x": self._program.variables,
+            "g": self._program.constraints,
+            "lam_g": self._program.constraints,
+            "lam_p": self._program.numbers.size,
+        }
+        return ca.Sparsity.dense(sizes[name])
+
+    def eval(self, values: list[ca.DM]) -> list[int]:
+        self.iterations += 1
+        try:
+            return [int(self._watch(values))]
+        except Exception as error:  # noqa: BLE001  CasADi swallows it: keep it, stop, raise it after the solve
+            self.error = error
+            return [1]
+
+    def _watch(self, values: list[ca.DM]) -> bool:
+        now = time.monotonic()
+        if now >= self._next_report:
+            self._next_report = now + _REPORT_EVERY
+            objective, rows = float(values[1]), values[2].full().ravel()
+            below = self._program.constraint_lower - rows
+            above = rows - self._program.constraint_upper
+            violation = float(max(0.0, np.max(below, initial=0.0), np.max(above, initial=0.0)))
+            self._report(Iterate(self.iterations, objective, violation))
+        if now >= self._limits.deadline:
+            self.stopped_by = SolveStatus.TIME_LIMIT
+        elif self._limits.cancelled():
+            self.stopped_by = SolveStatus.CANCELLED
+        return self.stopped_by is not None
+
+
+def minimise(
+    program: NonlinearProgram, limits: Limits, report: Callable[[Iterate], None], *, warm: bool = False
+) -> Outcome:
+    """Minimise the program from its initial point.
+
+    ``warm`` says that the initial point is close to the solution: the barrier starts small.
+    Raises whatever ``report`` or ``limits.cancelled`` raised.
+    """
+    started = time.perf_counter()
+    compiled = compile_program(program)
+    watcher = _Watcher(program, limits, report)
+    options = {
+        "print_time": False,
+        "show_eval_warnings": False,
+        "error_on_fail": False,
+        "iteration_callback": watcher,
+        "grad_f": compiled.gradient,
+        "jac_g": compiled.jacobian,
+        "hess_lag": compiled.hessian,
+        "ipopt.print_level": 0,
+        "ipopt.sb": "yes",
+        "ipopt.tol": limits.tolerance,
+        "ipopt.max_iter": limits.max_iterations,
+        # Besides the watcher, which only speaks between iterations.
+        "ipopt.max_wall_time": max(limits.deadline - time.monotonic(), 1e-3),
+    }
+    if warm:
+        options |= {"ipopt.mu_init": 1e-4, "ipopt.bound_push": 1e-6, "ipopt.bound_frac": 1e-6}
+    solver = ca.nlpsol(
+        "solver",
+        "ipopt",
+        {"x": compiled.w, "p": compiled.p, "f": compiled.objective, "g": compiled.constraints},
+        options,
+    )
+    built = time.perf_counter()
+    solution = solver(
+        x0=program.initial,
+        p=program.numbers,
+        lbx=program.lower,
+        ubx=program.upper,
+        lbg=program.constraint_lower,
+        ubg=program.constraint_upper,
+    )
+    solved = time.perf_counter()
+    if watcher.error is not None:
+        raise watcher.error
+    solver_status = str(solver.stats()["return_status"])
+    return Outcome(
+        unknowns=solution["x"].full().ravel(),
+        objective=float(solution["f"]),
+        row_multipliers=solution["lam_g"].full().ravel(),
+        bound_multipliers=solution["lam_x"].full().ravel(),
+        status=watcher.stopped_by or _STATUS.get(solver_status, SolveStatus.DIVERGED),
+        solver_status=solver_status,
+        iterations=int(solver.stats()["iter_count"]),
+        build_seconds=built - started,
+        solve_seconds=solved - built,
+    )

@@ -1,0 +1,69 @@
+"""How far every bound and constraint of the document is from being active, for the design review."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from solvers.backends import NUMPY
+from solvers.problem import Interval, OptimalControlProblem
+from solvers.trajectory import Trajectory
+from solvers.verify import SMALLEST_SCALE, dense
+
+Vector = NDArray[np.float64]
+
+# Within this part of its own scale of a bound, a quantity counts as resting on it.
+_ACTIVE = 1e-3
+
+
+def constraint_margins(problem: OptimalControlProblem, trajectory: Trajectory) -> list[dict[str, Any]]:
+    """The ``constraints`` of a result: extremes, smallest margin and where, and when each is active.
+
+    A negative margin is a violation. Sampled between the breakpoints of the trajectory.
+    """
+    tau = dense(trajectory.breakpoints)
+    times = trajectory.time(tau)
+    return [
+        _margin(pointer, values, interval, times)
+        for pointer, values, interval in _quantities(problem, trajectory, tau)
+        if np.isfinite(interval).any()
+    ]
+
+
+def _quantities(
+    problem: OptimalControlProblem, trajectory: Trajectory, tau: Vector
+) -> Iterator[tuple[str, Vector, Interval]]:
+    states, controls = trajectory.states_at(tau), trajectory.controls_at(tau)
+    for names, bounds, values in (
+        (problem.states, problem.state_bounds, states),
+        (problem.controls, problem.control_bounds, controls),
+    ):
+        for name, interval, row in zip(names, bounds, values, strict=True):
+            yield f"/problem/bounds/{name}", row, interval
+    scope = problem.scope(states, controls, trajectory.time(tau), problem.parameters)
+    for constraint in problem.path:
+        with np.errstate(all="ignore"):
+            value = np.asarray(constraint.expression.evaluate(scope, NUMPY.functions), np.float64)
+        yield constraint.pointer, np.broadcast_to(value, tau.shape), constraint.interval
+
+
+def _margin(pointer: str, values: Vector, interval: Interval, times: Vector) -> dict[str, Any]:
+    room = np.minimum(values - interval[0], interval[1] - values)
+    nearest = int(np.argmin(room))
+    scale = max(SMALLEST_SCALE, float(np.max(np.abs(values))))
+    return {
+        "pointer": pointer,
+        "min": float(values.min()),
+        "max": float(values.max()),
+        "margin": float(room[nearest]),
+        "at": float(times[nearest]),
+        "active": _stretches(room <= _ACTIVE * scale, times),
+    }
+
+
+def _stretches(active: NDArray[np.bool_], times: Vector) -> list[list[float]]:
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], active.astype(np.int8), [0]])))
+    return [[float(times[start]), float(times[stop - 1])] for start, stop in edges.reshape(-1, 2)]

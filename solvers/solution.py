@@ -1,0 +1,131 @@
+"""The answer to a document, and the result JSON that it becomes."""
+
+from __future__ import annotations
+
+import math
+import platform
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from importlib.metadata import version
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from solvers.coefficients import encode
+from solvers.problem import OptimalControlProblem
+from solvers.spec import JobSpec
+from solvers.status import SolveStatus
+from solvers.trajectory import Trajectory
+from solvers.verify import Verification
+
+Vector = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Statistics:
+    """The size of the nonlinear program and what its solution took."""
+
+    variables: int
+    constraints: int
+    iterations: int
+    nlp_status: str
+    seconds: Mapping[str, float]
+
+
+@dataclass(frozen=True)
+class Solution:
+    """A trajectory with its proof; ``success`` says that the program converged and the proof holds."""
+
+    spec: JobSpec
+    problem: OptimalControlProblem
+    trajectory: Trajectory
+    objective: float
+    status: SolveStatus
+    message: str
+    method: Mapping[str, Any]
+    verification: Verification
+    switching: Mapping[str, Any]
+    constraints: Sequence[Mapping[str, Any]]
+    convergence: Sequence[Mapping[str, Any]]
+    warnings: Sequence[Mapping[str, Any]]
+    statistics: Statistics
+
+    @property
+    def success(self) -> bool:
+        """Whether this is a converged and verified answer."""
+        return self.status is SolveStatus.CONVERGED
+
+    def result(self, job_id: str | None = None) -> dict[str, Any]:
+        """The result of this solution: JSON types only; what is not finite or not computed is None."""
+        trajectory = self.trajectory
+        resolution = self.spec.resolved()
+        plain = {
+            "job_id": job_id,
+            "success": self.success,
+            "status": self.status.value,
+            "message": self.message,
+            "objective": self.objective,
+            "final_time": trajectory.tf,
+            "method": dict(self.method),
+            "coefficients": encode(trajectory.basis, trajectory.states, trajectory.controls),
+            "nodes": {**trajectory.sample(trajectory.time(trajectory.nodes)), "costates": {}},
+            "trajectory": {
+                **trajectory.sample(self._sample_times()),
+                "outputs": {},
+            },
+            "interpolation": dict.fromkeys(trajectory.controls, trajectory.interpolation),
+            "switching": dict(self.switching),
+            "verification": self.verification.to_dict(),
+            "statistics": {
+                "variables": self.statistics.variables,
+                "constraints": self.statistics.constraints,
+                "iterations": self.statistics.iterations,
+                "nlp_solver": "ipopt",
+                "nlp_status": self.statistics.nlp_status,
+                "seconds": dict(self.statistics.seconds),
+            },
+            "resolved": {
+                "document": resolution.document,
+                "sha256": resolution.sha256,
+                "defaults_applied": list(resolution.defaults_applied),
+            },
+            "provenance": _provenance(),
+            "constraints": list(self.constraints),
+            "sensitivity": None,
+            "convergence": list(self.convergence),
+            "starts": [{"objective": self.objective, "status": self.status.value}],
+            "warnings": list(self.warnings),
+            "model_report": None,
+            "phases": [{"name": "phase", "t0": trajectory.t0, "tf": trajectory.tf, "start": 0, "stop": 0}],
+        }
+        samples = plain["trajectory"]["t"]
+        plain["phases"][0]["stop"] = len(samples) - 1
+        return _finite(plain)
+
+    def _sample_times(self) -> Vector:
+        """Equidistant times, and every switching instant twice: its left and its right value."""
+        times = np.linspace(self.trajectory.t0, self.trajectory.tf, self.spec.output.samples)
+        switches = [time for found in self.switching.values() for time in found["times"]]
+        return np.sort(np.concatenate([times, np.repeat(np.unique(switches), 2)]))
+
+
+def _provenance() -> dict[str, Any]:
+    return {
+        "versions": {
+            name: version(name) for name in ("ondelette", "casadi", "numpy", "scipy")
+        } | {"python": platform.python_version()},
+        "linear_solver": "mumps",
+        "platform": platform.platform(),
+        "seed": None,
+    }
+
+
+def _finite(value: Any) -> Any:
+    if isinstance(value, float):
+        return value if math.isfinite(value) else None
+    if isinstance(value, Mapping):
+        return {key: _finite(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [_finite(item) for item in value]
+    return value

@@ -1,0 +1,95 @@
+"""States and controls as functions of time."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from solvers.coefficients import decode
+from solvers.curves import Curve
+
+Vector = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Trajectory:
+    """What a method returns: a curve over tau = (t - t0) / (tf - t0) for each state and control, by name.
+
+    ``interpolation`` names how the controls are to be read between nodes. ``basis`` names the functions behind
+    the curves (:mod:`solvers.coefficients`). ``breakpoints``: ascending tau from 0 to 1; between two of them
+    every curve is smooth. ``nodes``: the tau at which the dynamics were imposed, and both ends.
+    """
+
+    t0: float
+    tf: float
+    states: Mapping[str, Curve]
+    controls: Mapping[str, Curve]
+    interpolation: str
+    basis: Mapping[str, Any]
+    breakpoints: Vector
+    nodes: Vector
+
+    @property
+    def duration(self) -> float:
+        """tf - t0."""
+        return self.tf - self.t0
+
+    def time(self, tau: Vector) -> Vector:
+        """Times of normalised times."""
+        return self.t0 + self.duration * tau
+
+    def tau(self, times: Vector) -> Vector:
+        """Normalised times of times, clipped to [0, 1]."""
+        return np.clip((times - self.t0) / self.duration, 0.0, 1.0)
+
+    def states_at(self, tau: Vector) -> Vector:
+        """States, (n, K)."""
+        return np.array([curve(tau) for curve in self.states.values()]).reshape(-1, tau.size)
+
+    def controls_at(self, tau: Vector) -> Vector:
+        """Controls, (m, K)."""
+        return np.array([curve(tau) for curve in self.controls.values()]).reshape(-1, tau.size)
+
+    def rates_at(self, tau: Vector) -> Vector:
+        """Time derivatives of the states, (n, K)."""
+        return np.array([curve(tau, 1) / self.duration for curve in self.states.values()]).reshape(-1, tau.size)
+
+    @classmethod
+    def from_result(cls, result: Mapping[str, Any]) -> Trajectory:
+        """The trajectory of a stored result, exactly as it was returned.
+
+        Raises KeyError where the result has no coefficients of a basis that this version knows.
+        """
+        times = result["nodes"]["t"]
+        decoded = decode(result["coefficients"], result["nodes"]["controls"], times[-1] - times[0])
+        names = result["trajectory"]["states"]
+        return cls(
+            t0=times[0],
+            tf=times[-1],
+            states={name: decoded.states[name] for name in names},
+            controls=decoded.controls,
+            interpolation=decoded.interpolation,
+            basis=result["coefficients"]["basis"],
+            breakpoints=decoded.breakpoints,
+            nodes=decoded.nodes,
+        )
+
+    def sample(self, times: Vector, *, derivatives: bool = False) -> dict[str, Any]:
+        """The ``trajectory`` of a result at these times: ``t``, ``states``, ``controls``, with ``rates`` if asked.
+
+        Times outside [t0, tf] take the value at the nearer end.
+        """
+        tau = self.tau(times)
+        sampled: dict[str, Any] = {
+            "t": times.tolist(),
+            "states": {name: curve(tau).tolist() for name, curve in self.states.items()},
+            "controls": {name: curve(tau).tolist() for name, curve in self.controls.items()},
+        }
+        if derivatives:
+            rates = self.rates_at(tau)
+            sampled["rates"] = {name: rate.tolist() for name, rate in zip(self.states, rates, strict=True)}
+        return sampled

@@ -1,0 +1,1 @@
+"""Direct transcriptions: each turns an optimal-control problem into a nonlinear program on a mesh."""

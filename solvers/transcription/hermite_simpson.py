@@ -1,0 +1,128 @@
+"""Hermite-Simpson collocation, separated: states and controls at the ends and middles of the intervals.
+
+Decision vector, K intervals, a column for each state and control:
+
+    x_i: knot 0, middle 0, knot 1, middle 1, ..., knot K   (2 K + 1)
+    u_j: the same instants                                  (2 K + 1)
+    t0 | tf
+
+On an interval of normalised width h, with F = (tf - t0) f at left end, middle and right end:
+
+    x_m - (x_l + x_r) / 2 - h (F_l - F_r) / 8 = 0,      x_r - x_l - h (F_l + 4 F_m + F_r) / 6 = 0.
+
+The state between the nodes is the cubic through the ends with their slopes, the control the quadratic through
+its three values.
+
+Source: Hargraves and Paris, "Direct trajectory optimization using nonlinear programming and collocation",
+J. Guidance 10(4), 1987, doi 10.2514/3.20223; Betts, Practical Methods for Optimal Control, SIAM 2010, 4.6.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import sparse
+
+from solvers.backends import NUMPY
+from solvers.coefficients import HERMITE
+from solvers.curves import HermiteCurve, QuadraticCurve
+from solvers.trajectory import Trajectory
+from solvers.transcription.base import Instants, Transcription
+
+Vector = NDArray[np.float64]
+
+
+@dataclass
+class HermiteSimpson(Transcription):
+    """Hermite-Simpson on the intervals between ``knots`` (normalised, from 0 to 1)."""
+
+    knots: Vector
+    _states: list[range] = field(default_factory=list, init=False)
+    _controls: list[range] = field(default_factory=list, init=False)
+
+    def __post_init__(self) -> None:
+        self._tau = np.empty(2 * self.knots.size - 1)
+        self._tau[::2] = self.knots
+        self._tau[1::2] = (self.knots[1:] + self.knots[:-1]) / 2.0
+
+    def allocate(self) -> None:
+        """See :class:`Transcription`."""
+        start, scaling = self.start, self.scaling
+        self._states = [
+            self.builder.unknowns(values, scale=scaling.states[i])
+            for i, values in enumerate(start.states_at(self._tau))
+        ]
+        self._controls = [
+            self.builder.unknowns(values, scale=scaling.controls[j], lower=bounds[0], upper=bounds[1])
+            for j, (values, bounds) in enumerate(
+                zip(start.controls_at(self._tau), self.problem.control_bounds, strict=True)
+            )
+        ]
+
+    def nodes(self) -> Instants:
+        """The ends and middles of the intervals."""
+        rows = [[self.builder.rows_of(block) for block in blocks] for blocks in (self._states, self._controls)]
+        return Instants(self._tau, rows[0], rows[1])
+
+    def path_instants(self) -> Instants:
+        """The ends and middles of the intervals."""
+        return self.nodes()
+
+    def quadrature(self) -> tuple[Instants, Vector]:
+        """Simpson's rule on each interval."""
+        return self.nodes(), np.asarray(self._simpson().sum(axis=0), np.float64)
+
+    def constrain_dynamics(self) -> None:
+        """Hermite's middle and Simpson's end, interval by interval."""
+        widths = np.diff(self.knots)
+        hermite = self._triples(np.full_like(widths, -0.5), np.ones_like(widths), np.full_like(widths, -0.5))
+        simpson = self._triples(-np.ones_like(widths), np.zeros_like(widths), np.ones_like(widths))
+        hermite_rates = self._triples(-widths / 8.0, np.zeros_like(widths), widths / 8.0)
+        order = np.arange(2 * widths.size).reshape(2, -1).T.ravel()
+        differences = sparse.csr_array(sparse.vstack([hermite, simpson], format="csr")[order])
+        rates = sparse.csr_array(sparse.vstack([hermite_rates, -self._simpson()], format="csr")[order])
+        states = [self.builder.rows_of(block, differences) for block in self._states]
+        self.add_defects(states, self.apply_rate(self.nodes()), rates)
+
+    def read(self, unknowns: Vector) -> Trajectory:
+        """See :class:`Transcription`."""
+        problem = self.problem
+        t0, tf = (float(unknowns[block.start]) for block in self.times)
+        states, controls = (
+            np.array([unknowns[block.start : block.stop] for block in blocks]).reshape(-1, self._tau.size)
+            for blocks in (self._states, self._controls)
+        )
+        rate = problem.rate(
+            list(states[:, ::2]),
+            list(controls[:, ::2]),
+            t0 + (tf - t0) * self.knots,
+            problem.parameters,
+            NUMPY,
+        )
+        slopes = (tf - t0) * np.array(np.broadcast_arrays(*rate, self.knots)[:-1])
+        return Trajectory(
+            t0,
+            tf,
+            {
+                name: HermiteCurve(self.knots, values[::2], slope)
+                for name, values, slope in zip(problem.states, states, slopes, strict=True)
+            },
+            {name: QuadraticCurve(self.knots, u) for name, u in zip(problem.controls, controls, strict=True)},
+            interpolation="quadratic",
+            basis={"name": HERMITE, "intervals": self.knots.size - 1},
+            breakpoints=self.knots,
+            nodes=self._tau,
+        )
+
+    def _simpson(self) -> sparse.csr_array:
+        widths = np.diff(self.knots)
+        return self._triples(widths / 6.0, 4.0 * widths / 6.0, widths / 6.0)
+
+    def _triples(self, left: Vector, middle: Vector, right: Vector) -> sparse.csr_array:
+        """A row for each interval with these entries at its left end, middle and right end."""
+        rows = np.repeat(np.arange(left.size), 3)
+        columns = (2 * np.arange(left.size)[:, None] + np.arange(3)).ravel()
+        entries = np.column_stack([left, middle, right]).ravel()
+        return sparse.csr_array((entries, (rows, columns)), shape=(left.size, self._tau.size))

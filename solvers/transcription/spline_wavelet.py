@@ -1,0 +1,175 @@
+"""Spline wavelet collocation (SWCM): states are cubic splines, controls are values where the dynamics hold.
+
+Decision vector, N = intervals + 3:
+
+    second order:  c[q_1] (N) ... c[q_n] (N) | u_1 (knots) ... u_m (knots) | t0 | tf
+    first order:   c[x_1] (N) ... c[x_n] (N) | u_1 (N - 1) ... u_m (N - 1) | t0 | tf
+
+c are coefficients in the banded B-spline basis, which spans the same space as the wavelets of levels V0, W0,
+..., W(J-1); the wavelet coefficients follow by the fast transform. The dynamics are collocated at the Greville
+points of the space in which the highest derivative lives: the knots for equations of second order, the ends
+and the midpoints of the intervals for equations of first order. Controls enter there only, so their values
+there are the unknowns, with simple bounds; between them the control is linear, as the second derivative of a
+cubic spline is.
+
+Source: Zhang, Feng, Tang, Macdonald, "A spline wavelet collocation method for the optimal control of flexible
+spacecraft", Proc. IMechE Part G, 2014, doi 10.1177/0954410014528885, eqs. 36-52.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import sparse
+
+from solvers.backends import NUMPY
+from solvers.bases.cubic_spline import CubicSplineSpace
+from solvers.coefficients import SPLINE_WAVELET
+from solvers.curves import Curve, DerivativeCurve, LinearCurve, SplineCurve
+from solvers.problem import MechanicalDynamics
+from solvers.symbolic import CASADI
+from solvers.trajectory import Trajectory
+from solvers.transcription.base import Instants, NodeSymbols, Transcription
+
+Vector = NDArray[np.float64]
+
+
+@dataclass
+class SplineWavelet(Transcription):
+    """SWCM on level ``J``: 2^J L equal intervals."""
+
+    L: int
+    J: int
+    _coefficients: list[range] = field(default_factory=list, init=False)
+    _controls: list[range] = field(default_factory=list, init=False)
+
+    def __post_init__(self) -> None:
+        dynamics = self.problem.dynamics
+        self._mechanical = dynamics if isinstance(dynamics, MechanicalDynamics) else None
+        self._splines = len(self.problem.states) if self._mechanical is None else self._mechanical.coordinates
+        self.space = CubicSplineSpace.uniform(self.L << self.J)
+        self.points = self.space.greville(1 if self._mechanical is None else 2)
+
+    @property
+    def per_tau(self) -> Collection[int]:
+        """Velocities of a second-order model are derivatives of the splines."""
+        return range(self._splines, len(self.problem.states))
+
+    def allocate(self) -> None:
+        """See :class:`Transcription`."""
+        start, scaling = self.start, self.scaling
+        coefficients = self.space.interpolate(start.states_at(self.space.interpolation_points).T)
+        self._coefficients = [
+            self.builder.unknowns(coefficients[:, i], scale=scaling.states[i]) for i in range(self._splines)
+        ]
+        self._controls = [
+            self.builder.unknowns(values, scale=scaling.controls[j], lower=bounds[0], upper=bounds[1])
+            for j, (values, bounds) in enumerate(
+                zip(start.controls_at(self.points), self.problem.control_bounds, strict=True)
+            )
+        ]
+
+    def nodes(self) -> Instants:
+        """The knots."""
+        return self._instants(self.space.knots)
+
+    def path_instants(self) -> Instants:
+        """The collocation points."""
+        return self._instants(self.points)
+
+    def quadrature(self) -> tuple[Instants, Vector]:
+        """Second order: Simpson on each interval. First order: the weights of the collocation points.
+
+        The latter satisfy w D1 = e(tf) - e(t0).
+        """
+        if self._mechanical is None:
+            return self._instants(self.points), self.space.quadrature_weights(1)
+        knots = self.space.knots
+        points = np.empty(2 * knots.size - 1)
+        points[::2], points[1::2] = knots, (knots[1:] + knots[:-1]) / 2
+        widths = np.diff(knots)
+        weights = np.zeros(points.size)
+        weights[:-2:2] += widths / 6
+        weights[1::2] += 4 * widths / 6
+        weights[2::2] += widths / 6
+        return self._instants(points), weights
+
+    def constrain_dynamics(self) -> None:
+        """Second order: M q'' + C q' + K q - G u - f = 0. First order: x' - f = 0."""
+        instants = self._instants(self.points)
+        if self._mechanical is not None:
+            symbols = NodeSymbols(self.problem, self.per_tau, self._splines)
+            residual = self._mechanical.residual(symbols.accelerations, symbols.scope, CASADI)
+            second = [self._spline_rows(i, self.points, 2) for i in range(self._splines)]
+            places = self.apply(symbols.function("residual", residual), instants, second)
+            scale = np.tile(self._residual_scale(), self.points.size)
+            self.builder.constrain(0.0, 0.0, scale=scale, places=places)
+            return
+        slopes = [self._spline_rows(i, self.points, 1) for i in range(self._splines)]
+        self.add_defects(slopes, self.apply_rate(instants), -sparse.eye_array(self.points.size))
+
+    def read(self, unknowns: Vector) -> Trajectory:
+        """See :class:`Transcription`."""
+        t0, tf = (float(unknowns[block.start]) for block in self.times)
+        splines: list[Curve] = [
+            SplineCurve(self.space, unknowns[block.start : block.stop]) for block in self._coefficients
+        ]
+        velocities: list[Curve] = [
+            DerivativeCurve(splines[i - self._splines], 1.0 / (tf - t0)) for i in self.per_tau
+        ]
+        controls = [LinearCurve(self.points, unknowns[block.start : block.stop]) for block in self._controls]
+        return Trajectory(
+            t0,
+            tf,
+            dict(zip(self.problem.states, splines + velocities, strict=True)),
+            dict(zip(self.problem.controls, controls, strict=True)),
+            interpolation="linear",
+            basis={"name": SPLINE_WAVELET, "L": self.L, "J": self.J, "derivative": 1 if self._mechanical is None else 2},
+            breakpoints=np.union1d(self.points, self.space.knots),
+            nodes=self.points,
+        )
+
+    def _instants(self, tau: Vector) -> Instants:
+        states = [self._spline_rows(i, tau, 0) for i in range(self._splines)]
+        states += [self._spline_rows(i - self._splines, tau, 1) for i in self.per_tau]
+        hats = _hat_functions(self.points, tau)
+        return Instants(tau, states, [self.builder.rows_of(block, hats) for block in self._controls])
+
+    def _spline_rows(self, index: int, tau: Vector, derivative: int) -> sparse.csr_array:
+        return self.builder.rows_of(self._coefficients[index], self.space.matrix(tau, derivative))
+
+    def _residual_scale(self) -> Vector:
+        """The largest inertial term of each equation when the coordinates move by their scales."""
+        assert self._mechanical is not None
+        problem, guess = self.problem, self.problem.guess
+        start = np.zeros(1)
+        scope = problem.scope(
+            guess.states_at(start)[:, 0], guess.controls_at(start)[:, 0], guess.t0, problem.parameters
+        )
+        none = np.zeros(self._splines)
+        still = np.array(self._mechanical.residual(none, scope, NUMPY), np.float64)
+        columns = [
+            np.array(self._mechanical.residual(row, scope, NUMPY), np.float64) - still for row in np.eye(self._splines)
+        ]
+        inertial = np.abs(np.column_stack(columns)) * self.scaling.states[: self._splines]
+        duration = guess.tf - guess.t0
+        return np.asarray(inertial.max(axis=1) / duration**2, np.float64)
+
+
+def _hat_functions(points: Vector, tau: Vector) -> sparse.csr_array:
+    """Rows of linear interpolation between ``points``."""
+    left = np.clip(np.searchsorted(points, tau, side="right") - 1, 0, points.size - 2)
+    fraction = (tau - points[left]) / (points[left + 1] - points[left])
+    rows = np.arange(tau.size)
+    matrix = sparse.csr_array(
+        (
+            np.concatenate([1.0 - fraction, fraction]),
+            (np.concatenate([rows, rows]), np.concatenate([left, left + 1])),
+        ),
+        shape=(tau.size, points.size),
+    )
+    matrix.eliminate_zeros()
+    return matrix
