@@ -187,7 +187,7 @@ def _numbers() -> Iterator[BadDocument]:
     yield BadDocument("number: true", _json(changed(pointer, True)), pointer)
     yield BadDocument("number: null", _json(changed(pointer, None)), pointer)
     yield BadDocument("number: list", _json(changed(pointer, [440])), pointer)
-    yield BadDocument("number: J as text", _json(changed("/method/J", "4")), "/method/J")
+    yield BadDocument("number: J by a parameter", _json(changed("/method/J", "k/25.0001")), "/method/J")
     yield BadDocument("number: J as fraction", _json(changed("/method/J", 4.5)), "/method/J")
     yield BadDocument("number: J negative", _json(changed("/method/J", -1)), "/method/J")
     yield BadDocument("number: L too small", _json(changed("/method/L", 4)), "/method/L")
@@ -291,7 +291,7 @@ def _limits() -> Iterator[BadDocument]:
     ):
         where = {
             "N of gpm": "/method/nodes",
-            "N of gpm in all": "/method",
+            "N of gpm in all": "/method/segments",
             "N of hermite_simpson": "/method/intervals",
             "guess": "/problem/guess/controls/T",
         }.get(name, pointer)
@@ -328,7 +328,8 @@ def _unsupported() -> Iterator[BadDocument]:
         ("webhook", "/webhook", {"url": "http://127.0.0.1/"}),
         ("deadline", "/deadline_seconds", 5),
     ):
-        yield BadDocument(f"unsupported: {name}", _json(changed(pointer, value)), pointer, "unsupported")
+        where = f"{pointer}/name" if pointer == "/method" else pointer
+        yield BadDocument(f"unsupported: {name}", _json(changed(pointer, value)), where, "unsupported")
 
 
 def _broken() -> Iterator[BadDocument]:
@@ -343,11 +344,17 @@ def _broken() -> Iterator[BadDocument]:
         "comment": b'{"problem": {} /* none */}',
         "not UTF-8": b'{"name": "\xff\xfe"}',
         "UTF-16": good.decode().encode("utf-16"),
-        "100,000 nested lists": b"[" * 100_000 + b"]" * 100_000,
-        "100,000 nested objects": b'{"a":' * 100_000 + b"1" + b"}" * 100_000,
         "not JSON at all": b"problem: {model: 1}",
     }.items():
         yield BadDocument(f"broken: {name}", raw, None)
+    for name, raw in {
+        "100,000 nested lists": b"[" * 100_000 + b"]" * 100_000,
+        "100,000 nested objects": b'{"a":' * 100_000 + b"1" + b"}" * 100_000,
+        "65 nested lists": json.dumps(changed("/metadata", {}))
+        .encode()
+        .replace(b"{}", b"[" * 65 + b"]" * 65),
+    }.items():
+        yield BadDocument(f"broken: {name}", raw, None, "limit")
     yield BadDocument("broken: duplicate key", _text('"schema": 1', '"schema": 1, "schema": 1'), None)
     yield BadDocument("broken: duplicate key inside", _text('"J": 4', '"J": 4, "J": 5'), None)
     yield BadDocument("broken: a list", b"[]", "")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import secrets
 import time
 import uuid
@@ -11,6 +12,8 @@ from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from enum import StrEnum
 from typing import Any
+
+_JOB_ID = re.compile(r"[0-9a-f]{8}-[0-9a-f]{4}-7[0-9a-f]{3}-[89ab][0-9a-f]{3}-[0-9a-f]{12}")
 
 
 class JobStatus(StrEnum):
@@ -78,6 +81,7 @@ class JobRecord:
     """A job as it is remembered; times in seconds since 1970, UTC.
 
     ``version`` grows by one with every change, so that two readings are equal exactly if their versions are.
+    ``estimate`` is the time that the solve was expected to take, in seconds, when the job was accepted.
     ``attempts`` counts starts, ``losses`` those whose worker vanished without a word.
     """
 
@@ -86,6 +90,7 @@ class JobRecord:
     method: str
     max_seconds: float
     created_at: float
+    estimate: float = 0.0
     name: str | None = None
     tags: tuple[str, ...] = ()
     started_at: float | None = None
@@ -106,6 +111,7 @@ class JobRecord:
             "method": self.method,
             "max_seconds": repr(self.max_seconds),
             "created_at": repr(self.created_at),
+            "estimate": repr(self.estimate),
             "tags": json.dumps(self.tags),
             "version": str(self.version),
         }
@@ -122,6 +128,7 @@ class JobRecord:
             method=fields["method"],
             max_seconds=float(fields["max_seconds"]),
             created_at=float(fields["created_at"]),
+            estimate=float(fields["estimate"]),
             name=fields.get("name"),
             tags=tuple(json.loads(fields["tags"])),
             started_at=float(fields["started_at"]) if "started_at" in fields else None,
@@ -146,6 +153,11 @@ def new_job_id(now: float | None = None) -> str:
         int(milliseconds) << 80 | 0x7 << 76 | int(fraction * 4096) << 64 | 0b10 << 62 | secrets.randbits(62)
     )
     return str(uuid.UUID(int=value))
+
+
+def is_job_id(text: str) -> bool:
+    """Tell whether ``text`` is written like an id of `new_job_id`."""
+    return _JOB_ID.fullmatch(text) is not None
 
 
 def timestamp(seconds: float) -> str:

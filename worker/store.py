@@ -23,7 +23,7 @@ from solvers.progress import ProgressReport
 from worker import scripts
 from worker.address import redis_url
 from worker.errors import JobActive, JobGone, JobNotFound
-from worker.records import FailureType, JobError, JobRecord, JobStatus
+from worker.records import FailureType, JobError, JobRecord, JobStatus, is_job_id
 from worker.settings import QueueSettings
 
 MAX_LOSSES = 2
@@ -210,6 +210,9 @@ class JobStore:
     # Inside.
 
     def _keys(self, job_id: str) -> list[str]:
+        # Whatever else somebody asks for is no job, and must not become part of a key.
+        if not is_job_id(job_id):
+            raise JobNotFound(job_id)
         job = f"{self._prefix}job:{job_id}"
         return [job, f"{job}:document", f"{job}:result", f"{self._prefix}gone:{job_id}"]
 

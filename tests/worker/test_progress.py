@@ -65,7 +65,7 @@ def test_a_solve_stops_when_its_job_is_not_its_own_any_more(store: JobStore, job
 def test_a_solve_goes_on_while_the_server_is_away(caplog: pytest.LogCaptureFixture) -> None:
     settings = QueueSettings(broker="redis://127.0.0.1:1/0")
     store = JobStore(connect(settings, retries=0), settings)
-    with caplog.at_level(logging.WARNING), StoreProgress(store, "a job", "an owner", period=0.02) as progress:
+    with caplog.at_level(logging.WARNING), StoreProgress(store, new_job_id(), "me", period=0.02) as progress:
         began = time.monotonic()
         for iteration in range(10_000):
             progress.report(ProgressReport("solve", iteration))

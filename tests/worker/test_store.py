@@ -16,7 +16,7 @@ ERROR = JobError(FailureType.INFEASIBLE, "Title.", "Detail.")
 
 
 def add(store: JobStore, name: str | None = None, tags: tuple[str, ...] = ()) -> str:
-    record = JobRecord(new_job_id(), JobStatus.QUEUED, "swcm", 60.0, time.time(), name, tags)
+    record = JobRecord(new_job_id(), JobStatus.QUEUED, "swcm", 60.0, time.time(), name=name, tags=tags)
     store.add(record, DOCUMENT)
     return record.id
 
@@ -41,9 +41,11 @@ def test_a_new_job_is_queued_and_its_document_kept_letter_for_letter(store: JobS
 
 
 def test_what_nobody_knows_is_not_found(store: JobStore) -> None:
-    for read in (store.get, store.document, store.result, store.cancel, store.erase):
-        with pytest.raises(JobNotFound):
-            read(new_job_id())
+    known = add(store)
+    for unknown in (new_job_id(), "", "*", known.upper(), f"{known}:document", f"{known}\n"):
+        for read in (store.get, store.document, store.result, store.cancel, store.erase):
+            with pytest.raises(JobNotFound):
+                read(unknown)
     assert store.start(new_job_id()) is None
 
 

@@ -1,0 +1,99 @@
+"""Waiting for a job to end without asking for it again and again."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import logging
+from collections import defaultdict
+from collections.abc import AsyncIterator, Iterator
+
+from fastapi.concurrency import run_in_threadpool
+from redis.asyncio import Redis
+from redis.exceptions import RedisError
+
+from worker.address import redis_url
+from worker.records import JobRecord
+from worker.settings import QueueSettings
+from worker.store import JobStore
+
+logger = logging.getLogger(__name__)
+
+RECHECK = 2.0
+"""Longest time between two looks at a job that is waited for, should a message be lost, in seconds."""
+
+_RECONNECT = 0.5
+
+
+class StatusWatch:
+    """One subscription for the whole process, which wakes those who wait for a job when it changes."""
+
+    def __init__(self, store: JobStore, settings: QueueSettings) -> None:
+        self._store = store
+        self._settings = settings
+        self._waiting: defaultdict[str, set[asyncio.Event]] = defaultdict(set)
+
+    @contextlib.asynccontextmanager
+    async def running(self) -> AsyncIterator[None]:
+        """Listen as long as the context lasts."""
+        task = asyncio.create_task(self._listen(), name="status-watch")
+        try:
+            yield
+        finally:
+            task.cancel()
+            with contextlib.suppress(asyncio.CancelledError):
+                await task
+
+    async def final(self, job_id: str, seconds: float) -> JobRecord:
+        """Return the job when its status is final, or as it is after ``seconds``."""
+        clock = asyncio.get_running_loop().time
+        deadline = clock() + seconds
+        with self._woken(job_id) as event:
+            while True:
+                event.clear()
+                record = await run_in_threadpool(self._store.get, job_id)
+                left = deadline - clock()
+                if record.status.final or left <= 0:
+                    return record
+                with contextlib.suppress(TimeoutError):
+                    async with asyncio.timeout(min(left, RECHECK)):
+                        await event.wait()
+
+    @contextlib.contextmanager
+    def _woken(self, job_id: str) -> Iterator[asyncio.Event]:
+        event = asyncio.Event()
+        self._waiting[job_id].add(event)
+        try:
+            yield event
+        finally:
+            self._waiting[job_id].discard(event)
+            if not self._waiting[job_id]:
+                del self._waiting[job_id]
+
+    async def _listen(self) -> None:
+        while True:
+            try:
+                await self._follow()
+            except (RedisError, OSError) as error:
+                logger.warning("no messages from the broker (%s); looking at jobs every %g s", error, RECHECK)
+                await asyncio.sleep(_RECONNECT)
+
+    async def _follow(self) -> None:
+        client = Redis.from_url(redis_url(self._settings.broker), socket_connect_timeout=2.0)
+        async with client, client.pubsub() as channel:
+            await channel.subscribe(self._store.channel)
+            while True:
+                message = await channel.get_message(timeout=30.0)
+                if message is None:
+                    # Silence for long may be a dead connection: an answer, or an error, tells.
+                    await channel.ping()
+                elif message["type"] == "subscribe":
+                    # Whatever changed while nobody listened is seen by a fresh look.
+                    self._wake(list(self._waiting))
+                elif message["type"] == "message":
+                    self._wake([message["data"].decode().partition(" ")[0]])
+
+    def _wake(self, job_ids: list[str]) -> None:
+        for job_id in job_ids:
+            for event in self._waiting.get(job_id, ()):
+                event.set()
