@@ -187,8 +187,8 @@ class _Parser:
             self.program.append((Code.NAME, name))
 
     def unknown_function(self, name: str, position: int) -> NoReturn:
-        hint = did_you_mean(name, sorted(FUNCTIONS)) or "; a product needs its '*'"
-        raise ExpressionError(f"unknown function {quoted(name)}{hint}", position)
+        hint = did_you_mean(name, sorted(FUNCTIONS))
+        raise ExpressionError(f"unknown function {quoted(name)} (a product needs its '*'){hint}", position)
 
     def call(self, name: str, position: int) -> None:
         least, most = ARITY[name]

@@ -8,7 +8,8 @@ from pydantic import ValidationError
 
 from solvers.errors import DocumentError, Fault
 from solvers.spec.crosschecks import cross_check
-from solvers.spec.faults import MAX_FAULTS, kind_of
+from solvers.spec.document import walk
+from solvers.spec.faults import MAX_FAULTS, Flaws, kind_of
 from solvers.spec.job import JobSpec
 from solvers.spec.scope import read_scope
 from solvers.spec.translate import translate
@@ -22,6 +23,10 @@ def check_document(document: object) -> JobSpec:
     """
     if not isinstance(document, dict):
         raise DocumentError([Fault("", f"a job document is an object, not {kind_of(document)}")])
+    flaws = Flaws()
+    walk(document, flaws)
+    if flaws.found:
+        raise DocumentError(flaws.faults())
     scope = read_scope(document)
     spec: JobSpec | None = None
     faults: list[Fault] = []

@@ -5,7 +5,7 @@ Each function notes what is wrong in ``flaws``, at ``path`` below the field that
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, TypeGuard
 
 from solvers.errors import ExpressionError
 from solvers.expressions import Expression, ExpressionLimitError, parse, quoted
@@ -18,7 +18,7 @@ RATES = "accelerations and control rates in expressions are not in this version"
 
 def check_expression(value: Any, place: str, scope: Scope, flaws: Flaws, *path: str | int) -> None:
     """Check a number or expression that may use the names of ``place``: constant, model, path, boundary."""
-    if type(value) is int or type(value) is float:
+    if is_number(value):
         _check_number(value, flaws, path)
         return
     if not isinstance(value, str):
@@ -31,6 +31,11 @@ def check_expression(value: Any, place: str, scope: Scope, flaws: Flaws, *path: 
         return
     if scope.known or place == "constant":
         _check_names(expression, place, scope, flaws, path)
+
+
+def is_number(value: Any) -> TypeGuard[float]:
+    """Tell whether a value is a number; true and false are not."""
+    return isinstance(value, int | float) and not isinstance(value, bool)
 
 
 def _check_number(value: float, flaws: Flaws, path: Path) -> bool:
@@ -62,7 +67,7 @@ _ADVICE = {
 
 def check_constant(value: Any, scope: Scope, flaws: Flaws, *path: str | int) -> float | None:
     """Check a value; return what it is worth, or ``None`` where that cannot be judged."""
-    if type(value) is int or type(value) is float:
+    if is_number(value):
         return float(value) if _check_number(value, flaws, path) else None
     before = len(flaws.found)
     check_expression(value, "constant", scope, flaws, *path)
@@ -77,7 +82,7 @@ def check_constant(value: Any, scope: Scope, flaws: Flaws, *path: str | int) -> 
 
 def check_bound(value: Any, scope: Scope, flaws: Flaws, *path: str | int) -> Interval | None:
     """Check a bound; return its interval, or ``None`` where that cannot be judged."""
-    if not isinstance(value, list | tuple):
+    if not isinstance(value, list):
         number = check_constant(value, scope, flaws, *path)
         return None if number is None else (number, number)
     if len(value) != 2:

@@ -14,12 +14,11 @@ import numpy as np
 from solvers.errors import ExpressionError
 from solvers.expressions import RESERVED, parse, quoted
 from solvers.spec.checks import check_bound, check_constant
-from solvers.spec.faults import Flaws
-from solvers.spec.scope import Scope, mapping
+from solvers.spec.faults import Flaws, Path
+from solvers.spec.scope import MAX_NAME, MAX_STATES, Scope, mapping
 from solvers.spec.values import FREE, Interval, inside
 
 _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*", re.ASCII)
-_LONGEST_NAME = 200
 # A matrix with rows and columns scaled to 1 is taken as singular below this reciprocal condition number.
 _SINGULAR = 1e-13
 
@@ -44,10 +43,10 @@ def _check_names(scope: Scope, flaws: Flaws) -> None:
     declared: list[tuple[str, str, str | int]] = []
     for key, what in ((where, where[:-1]), ("controls", "control")):
         names = model.get(key)
-        items = enumerate(names) if isinstance(names, list | tuple) else ()
+        items = enumerate(names[:MAX_STATES]) if isinstance(names, list) else ()
         declared += [(name, f"{what}:{key}", index) for index, name in items if isinstance(name, str)]
     parameters = mapping(model.get("parameters"))
-    declared += [(name, "parameter:parameters", name) for name in parameters if isinstance(name, str)]
+    declared += [(name, "parameter:parameters", name) for name in parameters]
     generated = _generated(scope)
     seen: dict[str, str] = {}
     for name, kind, place in declared:
@@ -59,8 +58,8 @@ def _check_names(scope: Scope, flaws: Flaws) -> None:
 
 
 def _name_flaw(name: str, seen: dict[str, str], generated: dict[str, str]) -> str | None:
-    if len(name) > _LONGEST_NAME:
-        return f"limit: a name has at most {_LONGEST_NAME} characters"
+    if len(name) > MAX_NAME:
+        return f"limit: a name has at most {MAX_NAME} characters"
     if not _NAME.fullmatch(name):
         return f"{quoted(name)} is not a name: a letter, then letters, digits and _"
     if name in RESERVED:
@@ -131,7 +130,7 @@ def _check_guess(scope: Scope, flaws: Flaws) -> None:
         for name, values in mapping(guess.get(key)).items():
             if isinstance(values, list) and len(values) != len(times):
                 detail = f"{len(times)} times for {len(values)} values"
-                flaws.add(detail, "problem", "guess", key, str(name))
+                flaws.add(detail, "problem", "guess", key, name)
 
 
 def _check_mass(scope: Scope, flaws: Flaws) -> None:
@@ -153,10 +152,14 @@ def _check_mass(scope: Scope, flaws: Flaws) -> None:
                     matrix[i, j] = parse(entry).evaluate(point)
     except (ExpressionError, KeyError, TypeError):
         return  # an entry that is no expression, or uses what has no value: reported where it stands
-    for i, j in np.argwhere(~np.isfinite(matrix)):
-        flaws.add("the mass matrix is not finite at the start", "problem", "model", "mass", int(i), int(j))
-    if np.isfinite(matrix).all() and _is_singular(matrix):
-        flaws.add("the mass matrix is singular at the start", "problem", "model", "mass")
+    place: Path = ("problem", "model")
+    if mapping(scope.problem["model"]).get("kind") != "library":  # the rows of the library are nobody's fault
+        place += ("mass",)
+    if not np.isfinite(matrix).all():
+        i, j = (int(index) for index in np.argwhere(~np.isfinite(matrix))[0])
+        flaws.add(f"the mass matrix is not finite at the start: entry {i}, {j} is {matrix[i, j]}", *place)
+    elif _is_singular(matrix):
+        flaws.add("the mass matrix is singular at the start", *place)
 
 
 def _is_singular(matrix: np.ndarray) -> bool:

@@ -38,10 +38,10 @@ class SchemaVersion(Check):
 class Starts(Count):
     """Number of starting points; one in this version."""
 
-    def check(self, value: Any, scope: Scope) -> int | None:
+    def check(self, value: Any, scope: Scope) -> int:
         """Return 1."""
         starts = super().check(value, scope)
-        if starts is not None and starts > 1:
+        if starts > 1:
             raise refuse("unsupported: more than one start is not in this version", type="unsupported")
         return starts
 
@@ -101,11 +101,11 @@ class Options(SpecModel):
 
     tolerance: Annotated[float, Real(above=0)] = 1e-8
     """Convergence tolerance of the nonlinear program."""
-    max_iterations: Annotated[int, Count(0, 2_147_483_647)] = 3000
+    max_iterations: Annotated[int, Count(0, 2_147_483_647, "iterations")] = 3000
     """Largest number of iterations."""
-    max_seconds: Annotated[float, Real(above=0, limit=3600)] = 60.0
+    max_seconds: Annotated[float, Real(above=0, limit=3600, unit=" s")] = 60.0
     """Longest solve time, s."""
-    starts: Annotated[int, Starts(1, 64)] = 1
+    starts: Annotated[int, Starts(1, 64, "starts")] = 1
     """Number of starting points; one in this version."""
     verification: Verification = Verification()
     """Tolerances of the verification."""
@@ -114,7 +114,7 @@ class Options(SpecModel):
 class Output(SpecModel):
     """What the result holds."""
 
-    samples: Annotated[int, Count(2, 20_001)] = 201
+    samples: Annotated[int, Count(2, 20_001, "samples")] = 201
     """Number of equidistant samples of the trajectory."""
     command: Annotated[None, Unsupported("command tables are")] = None
     """Table for an on-board computer; not in this version."""

@@ -43,9 +43,9 @@ class SplineWaveletMethod(MethodModel):
 
     name: Literal["swcm"]
     """The method."""
-    L: Annotated[int, Count(5, MAX_NODES)] = 8
+    L: Annotated[int, Count(5, MAX_NODES, "nodes")] = 8
     """Length of the coarsest grid in intervals; greater than 4."""
-    J: Annotated[int, Count(0, 16)] = 4
+    J: Annotated[int, Count(0, 16, "levels: more than 65,539 nodes")] = 4
     """Resolution level: every level doubles the number of intervals."""
     adaptive: Adaptive = None
     """Adaptive refinement; not in this version."""
@@ -72,9 +72,9 @@ class GaussPseudospectralMethod(MethodModel):
 
     name: Literal["gpm"]
     """The method."""
-    nodes: Annotated[int, Count(1, 512)] = 40
+    nodes: Annotated[int, Count(1, 512, "nodes a segment")] = 40
     """Legendre-Gauss points in each segment, ends not counted."""
-    segments: Annotated[int, Count(1, MAX_GAUSS_NODES)] = 1
+    segments: Annotated[int, Count(1, MAX_GAUSS_NODES, "segments")] = 1
     """Number of segments."""
     adaptive: Adaptive = None
     """Adaptive refinement; not in this version."""
@@ -97,7 +97,7 @@ class HermiteSimpsonMethod(MethodModel):
 
     name: Literal["hermite_simpson"]
     """The method."""
-    intervals: Annotated[int, Count(1, (MAX_NODES - 1) // 2)] = 60
+    intervals: Annotated[int, Count(1, (MAX_NODES - 1) // 2, "intervals: more than 65,539 nodes")] = 60
     """Number of intervals; each brings its end and its middle as points."""
     adaptive: Adaptive = None
     """Adaptive refinement; not in this version."""

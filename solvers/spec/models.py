@@ -10,18 +10,9 @@ from pydantic import Field, TypeAdapter
 from solvers.models import LIBRARY
 from solvers.spec.base import SpecModel
 from solvers.spec.fields import Unsupported
-from solvers.spec.scope import Scope, read_model
-from solvers.spec.tables import (
-    MAX_CONTROLS,
-    MAX_STATES,
-    DynamicsTable,
-    ForceVector,
-    LibraryName,
-    MatrixOf,
-    NameList,
-    OverrideTable,
-    ParameterTable,
-)
+from solvers.spec.matrices import ForceVector, MatrixOf
+from solvers.spec.scope import MAX_CONTROLS, MAX_STATES, Scope, read_model
+from solvers.spec.tables import DynamicsTable, LibraryName, NameList, OverrideTable, ParameterTable
 from solvers.spec.values import Value, evaluate_constant
 
 Row = tuple[Value, ...]

@@ -18,9 +18,10 @@ from solvers.spec.fields import (
     Text,
     Unsupported,
 )
+from solvers.spec.histories import HistoryTable, TimeList
 from solvers.spec.models import FirstOrderModel, LibraryReference, MechanicalModel, SubmittedModel
 from solvers.spec.scope import Scope
-from solvers.spec.tables import BoundTable, HistoryTable, TimeList, UnitTable
+from solvers.spec.tables import BoundTable, UnitTable
 from solvers.spec.values import FREE, BoundValue, Interval, Value, bound_interval, evaluate_constant
 
 Name = Annotated[str, Text(200)]

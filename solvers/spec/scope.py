@@ -1,12 +1,12 @@
 """What a document names, read before its fields are checked.
 
-The reader is tolerant: it takes what it understands and leaves the rest to the checks of the fields, which
+The reader takes what it understands of any JSON value and leaves the rest to the checks of the fields, which
 ask the scope which names they may use and what constants are worth. So one pass reports every mistake.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -16,7 +16,12 @@ from solvers.models import LIBRARY
 from solvers.spec.faults import Flaws, kind_of
 from solvers.spec.values import evaluate_constant
 
+MAX_STATES = 64
+MAX_CONTROLS = 32
+MAX_NAME = 200
+# Bounds on the time that hostile documents can cost.
 _SUGGESTIONS = 20
+_LARGEST_POOL = 200
 
 
 @dataclass(slots=True)
@@ -42,9 +47,9 @@ class Scope:
     rate_names: frozenset[str] = frozenset()
     suggestions: int = _SUGGESTIONS
 
-    def suggest(self, word: str, candidates: Iterable[str]) -> str:
-        """Return ``"; did you mean ...?"``; only the first 20 mistakes of a document get one."""
-        if self.suggestions == 0:
+    def suggest(self, word: str, candidates: Collection[str]) -> str:
+        """Return ``"; did you mean ...?"``; only for 20 mistakes of a document and among 200 names."""
+        if self.suggestions == 0 or len(candidates) > _LARGEST_POOL:
             return ""
         self.suggestions -= 1
         return did_you_mean(word, sorted(candidates))
@@ -81,7 +86,7 @@ def read_model(scope: Scope) -> None:
         scope.model = entry.document(overrides)
     model = scope.model
     table = mapping(model.get("parameters"))
-    scope.parameter_names = frozenset(key for key in table if isinstance(key, str))
+    scope.parameter_names = frozenset(table)
     _read_parameters(scope, table)
     kind = model.get("kind")
     if kind == "mechanical":
@@ -117,17 +122,16 @@ def _named(items: object) -> list[str]:
 
 
 def _name_list(value: object) -> tuple[str, ...] | None:
-    if not isinstance(value, list | tuple):
+    """Return a list of names, or None if it is not one that can be worked with."""
+    if not isinstance(value, list) or len(value) > MAX_STATES:
         return None
-    return tuple(name for name in value if isinstance(name, str))
+    return tuple(value) if all(isinstance(name, str) for name in value) else None
 
 
-def _read_parameters(scope: Scope, table: Mapping[Any, Any]) -> None:
+def _read_parameters(scope: Scope, table: Mapping[str, Any]) -> None:
     """Evaluate the parameters in order; what is wrong with them is kept for the check of the table."""
     flaws, earlier = scope.parameter_flaws, set[str]()
     for name, value in table.items():
-        if not isinstance(name, str):
-            continue
         if isinstance(value, bool) or not isinstance(value, int | float | str):
             flaws.add(f"must be a number or an expression, not {kind_of(value)}", name)
         else:

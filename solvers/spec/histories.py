@@ -1,0 +1,95 @@
+"""The lists of an initial guess: values over time."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+from solvers.spec.checks import check_constant
+from solvers.spec.faults import Flaws, kind_of
+from solvers.spec.fields import VALUE_SCHEMA, Check
+from solvers.spec.scope import Scope
+from solvers.spec.tables import list_of, object_of, unknown_key
+
+MAX_GUESS = 8195
+
+
+@dataclass(frozen=True)
+class HistoryTable(Check):
+    """Name -> values over time: a list, or ``{"times": [...], "values": [...]}``."""
+
+    what: str
+
+    def check(self, value: Any, scope: Scope) -> dict[str, Any]:
+        """Return the table as submitted."""
+        table, flaws = object_of(value), Flaws()
+        names = scope.states if self.what == "state" else scope.controls
+        for name, history in table.items():
+            if scope.known and name not in names:
+                flaws.add(unknown_key(name, self.what, names, scope), name)
+            elif isinstance(history, dict):
+                self._check_timed(history, scope, flaws, name)
+            else:
+                check_values(history, scope, flaws, name)
+        flaws.raise_any()
+        return table
+
+    def _check_timed(self, history: dict[str, Any], scope: Scope, flaws: Flaws, name: str) -> None:
+        for key in history:
+            if key not in ("times", "values"):
+                flaws.add(unknown_key(key, "key", ("times", "values"), scope), name, key)
+            elif key == "times":
+                check_times(history[key], scope, flaws, name, key)
+            else:
+                check_values(history[key], scope, flaws, name, key)
+        times, values = history.get("times"), history.get("values")
+        if times is None or values is None:
+            flaws.add("both 'times' and 'values' are needed", name)
+        if isinstance(times, list) and isinstance(values, list) and len(times) != len(values):
+            flaws.add(f"{len(times)} times for {len(values)} values", name)
+
+    def schema(self) -> dict[str, Any]:
+        """An object of lists."""
+        values = TimeList().schema()
+        timed: dict[str, Any] = {"type": "object", "properties": {"times": values, "values": values}}
+        timed |= {"required": ["times", "values"], "additionalProperties": False}
+        return {"type": "object", "additionalProperties": {"anyOf": [values, timed]}}
+
+
+def check_values(value: Any, scope: Scope, flaws: Flaws, *path: str | int) -> list[float | None]:
+    """Check a list of 1 to 8,195 values; return what they are worth."""
+    if not isinstance(value, list):
+        flaws.add(f"must be a list of values, not {kind_of(value)}", *path)
+    elif not value:
+        flaws.add("at least one value is needed", *path)
+    elif len(value) > MAX_GUESS:
+        flaws.add(f"limit: a guess has at most {MAX_GUESS:,} values, not {len(value):,}", *path, type="limit")
+    else:
+        return [check_constant(item, scope, flaws, *path, i) for i, item in enumerate(value)]
+    return []
+
+
+def check_times(value: Any, scope: Scope, flaws: Flaws, *path: str | int) -> None:
+    """Check a list of ascending times."""
+    times = check_values(value, scope, flaws, *path)
+    for i in range(1, len(times)):
+        before, after = times[i - 1], times[i]
+        if before is not None and after is not None and after <= before:
+            flaws.add(f"times ascend, but {after:g} comes after {before:g}", *path, i)
+            return
+
+
+class TimeList(Check):
+    """Ascending times of a guess."""
+
+    def check(self, value: Any, scope: Scope) -> list[Any]:
+        """Return the times as submitted."""
+        flaws = Flaws()
+        times = list_of(value)
+        check_times(times, scope, flaws)
+        flaws.raise_any()
+        return times
+
+    def schema(self) -> dict[str, Any]:
+        """A list of values."""
+        return {"type": "array", "items": VALUE_SCHEMA, "minItems": 1, "maxItems": MAX_GUESS}
