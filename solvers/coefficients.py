@@ -70,7 +70,9 @@ def _encode_spline_wavelet(basis: Mapping[str, Any], states: Curves, controls: C
     }
     return {
         "basis": {**basis, "order": wavelets.order, "velocities": velocities},
-        "states": {name: wavelets.from_spline(curve.coefficients).tolist() for name, curve in splines.items()},
+        "states": {
+            name: wavelets.from_spline(curve.coefficients).tolist() for name, curve in splines.items()
+        },
         "controls": {
             name: wavelets.from_spline(space.interpolate(curve(space.interpolation_points))).tolist()
             for name, curve in controls.items()
@@ -86,7 +88,8 @@ def _decode_spline_wavelet(
     space = wavelets.spline
     points = space.greville(basis["derivative"])
     states: dict[str, Curve] = {
-        name: SplineCurve(space, wavelets.to_spline(values)) for name, values in coefficients["states"].items()
+        name: SplineCurve(space, wavelets.to_spline(values))
+        for name, values in coefficients["states"].items()
     }
     for name, owner in basis["velocities"].items():
         states[name] = DerivativeCurve(states[owner], 1.0 / duration)

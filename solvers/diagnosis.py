@@ -20,9 +20,7 @@ def find_evaluation_error(
     """The first expression that is not finite on the nodes of this trajectory, or None."""
     tau = trajectory.nodes
     times = trajectory.time(tau)
-    scope = problem.scope(
-        trajectory.states_at(tau), trajectory.controls_at(tau), times, problem.parameters
-    )
+    scope = problem.scope(trajectory.states_at(tau), trajectory.controls_at(tau), times, problem.parameters)
     for pointer, expression in _along_the_trajectory(spec):
         with np.errstate(all="ignore"):
             values = np.broadcast_to(expression.evaluate(scope, NUMPY.functions), tau.shape)

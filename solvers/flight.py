@@ -1,10 +1,10 @@
 """Fly a control: integrate the model over every arc at once, and join the arcs to one flight.
 
-An arc lies between two breakpoints of the control; on it everything is smooth. All arcs are integrated side by
-side in s in [0, 1] by one call of DOP853 (Hairer, Norsett, Wanner 1993, II.5). The whole flight is then the
-solution of y_(k+1) = Phi_k(y_k), found by Newton's method on all arcs together (multiple shooting; Bulirsch and
-Stoer 1993, 7.3.5): it costs a few batches instead of one long sequence of steps, and its linearised growth
-falls out of it.
+An arc lies between two breakpoints of the control; on it everything is smooth. All arcs are integrated side
+by side in s in [0, 1] by one call of DOP853 (Hairer, Norsett, Wanner 1993, II.5). The whole flight is then the
+solution of y_(k+1) = Phi_k(y_k), found by Newton's method on all arcs together (multiple shooting; Stoer and
+Bulirsch 1993, 7.3.5): a few batches instead of one long sequence of steps, with its linearised growth as a
+gift.
 """
 
 from __future__ import annotations
@@ -95,7 +95,7 @@ class ControlledModel:
             return (duration * self._rate(flat.reshape(n + 1, count)[:n], tau)).ravel()
 
         start = np.vstack([starts, np.zeros((1, count))])
-        # solve_ivp weighs the error by its mean square over all arcs: ask for more, so that none is left behind.
+        # solve_ivp weighs errors by their mean square over all arcs: ask for more, so none is left behind.
         solution = solve_ivp(
             rate,
             (0.0, 1.0),
@@ -150,7 +150,9 @@ class ControlledModel:
         scope = problem.scope(states, self.clipped(tau), self._trajectory.time(tau), problem.parameters)
         with np.errstate(all="ignore"):
             rates = problem.dynamics.rate(scope, NUMPY)
-            cost = 0.0 if problem.running_cost is None else problem.running_cost.evaluate(scope, NUMPY.functions)
+            cost = (
+                0.0 if problem.running_cost is None else problem.running_cost.evaluate(scope, NUMPY.functions)
+            )
         return np.array(np.broadcast_arrays(*rates, cost, tau)[:-1], np.float64)
 
     def _linearised(self, starts: Vector) -> tuple[Vector, Arcs]:
@@ -196,7 +198,8 @@ class ControlledModel:
                     found.append(0.5 * (low + high))
         crossings = np.concatenate(found)
         nearest = np.min(np.abs(crossings[:, None] - breaks[None, :]), axis=1, initial=1.0)
-        return crossings[nearest > 1e-10]
+        corners: Vector = crossings[nearest > 1e-10]
+        return corners
 
 
 def _accumulate(slopes: Vector, gaps: Vector) -> Vector:

@@ -30,7 +30,8 @@ from solvers.spec import (
 )
 
 Vector = NDArray[np.float64]
-Values = Sequence[Any]
+Values = Sequence[Any] | Vector
+"""One value a state, coordinate or control; rows of an array where these are arrays."""
 Parameters = Mapping[str, Any]
 Interval = tuple[float, float]
 FREE: Interval = (-np.inf, np.inf)
@@ -90,9 +91,13 @@ class MechanicalDynamics:
         controls = [scope[name] for name in model.controls]
         terms = [_products(self._matrix(model.input, scope, backend), controls)]
         if model.damping is not None:
-            terms.append([-value for value in _products(self._matrix(model.damping, scope, backend), velocities)])
+            terms.append(
+                [-value for value in _products(self._matrix(model.damping, scope, backend), velocities)]
+            )
         if model.stiffness is not None:
-            terms.append([-value for value in _products(self._matrix(model.stiffness, scope, backend), positions)])
+            terms.append(
+                [-value for value in _products(self._matrix(model.stiffness, scope, backend), positions)]
+            )
         if model.force is not None:
             terms.append([parse(entry).evaluate(scope, backend.functions) for entry in model.force])
         return [sum(parts) for parts in zip(*terms, strict=True)]

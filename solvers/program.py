@@ -4,8 +4,9 @@ Every direct transcription here has the form
 
     c(w) = A w + sum_g B_g vec(F_g(E_g w; P_g)),      J(w) = a'w + sum_g b_g' vec(F_g(E_g w; P_g))
 
-with constant sparse A, B_g, E_g and a few small functions F_g, each applied to all its places alike. E_g gathers
-the local variables of each place, P_g is a column of numbers for each place (never baked into the graph). Hence
+with constant sparse A, B_g, E_g and a few small functions F_g, each applied to all its places alike. E_g
+gathers the local variables of each place, P_g is a column of numbers for each place (never baked into the
+graph). Hence
 
     Jacobian = A + sum_g B_g blkdiag(F_g') E_g
     Hessian  = sum_g E_g' blkdiag(sum_i mu_i F_gi'') E_g,      mu = B_g' lambda + sigma b_g
@@ -50,7 +51,7 @@ class PlaceFunction:
 
 @dataclass(frozen=True)
 class NonlinearProgram:
-    """Minimise J(w) subject to ``lower <= w <= upper`` and ``constraint_lower <= c(w) <= constraint_upper``."""
+    """Minimise J(w), ``lower <= w <= upper`` and ``constraint_lower <= c(w) <= constraint_upper``."""
 
     initial: Vector
     lower: Vector
@@ -109,7 +110,7 @@ class CompiledProgram:
     """The functions that an optimizer calls, over CasADi MX in (w, p) with p = ``NonlinearProgram.numbers``.
 
     ``objective`` (w, p) -> J; ``constraints`` (w, p) -> c; ``gradient`` (w, p) -> (J, dJ/dw);
-    ``jacobian`` (w, p) -> (c, dc/dw); ``hessian`` (w, p, sigma, lambda) -> upper triangle of the Lagrangian's.
+    ``jacobian`` (w, p) -> (c, dc/dw); ``hessian`` (w, p, sigma, lambda) -> upper triangle, of the Lagrangian.
     """
 
     w: ca.MX
@@ -128,7 +129,7 @@ def compile_program(program: NonlinearProgram) -> CompiledProgram:
     sigma, multipliers = ca.MX.sym("sigma"), ca.MX.sym("lambda", program.constraints)
     constraints = ca.mtimes(_dm(program.linear), w)
     objective = ca.dot(ca.DM(program.linear_cost), w)
-    gradient: ca.MX = ca.DM(program.linear_cost)
+    gradient = ca.MX(ca.DM(program.linear_cost))
     jacobian = _LinearAssembly((program.constraints, program.variables))
     jacobian.constant(program.linear)
     hessian = _LinearAssembly((program.variables, program.variables))
@@ -215,11 +216,14 @@ class _Places:
         j = self._per_place(self._curvature_columns, self._n_z)
         row, column, entry, factor = _product(i, j, columns, gather)
         off_diagonal = (i != j)[entry]
-        mirrored = [np.concatenate(pair) for pair in (
-            (row, column[off_diagonal]),
-            (column, row[off_diagonal]),
-            (entry, entry[off_diagonal]),
-        )]
+        mirrored = [
+            np.concatenate(pair)
+            for pair in (
+                (row, column[off_diagonal]),
+                (column, row[off_diagonal]),
+                (entry, entry[off_diagonal]),
+            )
+        ]
         factors = np.concatenate([factor, factor[off_diagonal]])
         upper = mirrored[0] <= mirrored[1]
         return mirrored[0][upper], mirrored[1][upper], mirrored[2][upper], factors[upper]
@@ -236,7 +240,7 @@ class _LinearAssembly:
         self._keys: list[Indices] = []
         self._parts: list[tuple[Indices, Vector, ca.MX | None]] = []
 
-    def constant(self, matrix: sparse.sparray) -> None:
+    def constant(self, matrix: sparse.csr_array) -> None:
         entries = sparse.coo_array(matrix)
         self._keys.append(self._key(entries.row.astype(np.int64), entries.col.astype(np.int64)))
         self._parts.append((np.zeros(entries.nnz, np.int64), entries.data, None))
@@ -251,7 +255,7 @@ class _LinearAssembly:
     def matrix(self) -> ca.MX:
         keys = [np.zeros(0, np.int64), *self._keys]
         pattern, place = np.unique(np.concatenate(keys), return_inverse=True)
-        nonzeros: ca.MX = ca.DM.zeros(pattern.size)
+        nonzeros = ca.MX(ca.DM.zeros(pattern.size))
         start = 0
         for entry, factor, values in self._parts:
             nonzero = place[start : start + entry.size]
@@ -291,10 +295,10 @@ def _triplet(matrix: ca.SX) -> tuple[Indices, Indices]:
 
 
 def _nonzeros(matrix: ca.SX) -> ca.SX:
-    return ca.vertcat(*matrix.nonzeros()) if matrix.nnz() else ca.SX(0, 1)
+    return ca.SX(matrix.nz[:])
 
 
-def _dm(matrix: sparse.sparray) -> ca.DM:
+def _dm(matrix: sparse.csr_array | sparse.csc_array) -> ca.DM:
     columns = sparse.csc_array(matrix)
     columns.sum_duplicates()
     sparsity = ca.Sparsity(*columns.shape, columns.indptr.tolist(), columns.indices.tolist())

@@ -58,6 +58,7 @@ def _margin(pointer: str, values: Vector, interval: Interval, times: Vector) -> 
         "pointer": pointer,
         "min": float(values.min()),
         "max": float(values.max()),
+        "bounds": [bound if np.isfinite(bound) else None for bound in interval],
         "margin": float(room[nearest]),
         "at": float(times[nearest]),
         "active": _stretches(room <= _ACTIVE * scale, times),

@@ -21,6 +21,7 @@ from solvers.spec import (
     path_intervals,
 )
 
+
 @dataclass(frozen=True)
 class ProblemSize:
     """Unknowns, constraint rows, nodes, and an estimate of the solve time in seconds."""
@@ -81,14 +82,18 @@ def _held_rows(problem: ProblemSpec, splines: int, knots: int) -> int:
 def _size(problem: ProblemSpec, variables: int, defects: int, path_points: int, nodes: int) -> ProblemSize:
     """Add the times, the path and boundary constraints, and the order of the times."""
     parameters = problem.model.parameter_values()
-    initial, final = (bound_interval(bound, parameters) for bound in (problem.initial_time, problem.final_time))
+    initial, final = (
+        bound_interval(bound, parameters) for bound in (problem.initial_time, problem.final_time)
+    )
     rows = defects + len(problem.path_constraints) * path_points + len(problem.boundary_constraints)
     return ProblemSize(variables + 2, rows + (final[0] <= initial[1]), nodes, 0.0)
 
 
 def _timed(size: ProblemSize, dense: float) -> ProblemSize:
-    """Seconds from what solves of the cases took: about 30 iterations, linear in the unknowns where sparse."""
-    return ProblemSize(size.variables, size.constraints, size.nodes, 0.03 + 1e-4 * size.variables + 30 * dense)
+    """Seconds, from what the cases took: about 30 iterations, linear in the unknowns where sparse."""
+    return ProblemSize(
+        size.variables, size.constraints, size.nodes, 0.03 + 1e-4 * size.variables + 30 * dense
+    )
 
 
 def _sides(interval: Interval) -> int:

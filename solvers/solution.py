@@ -60,7 +60,15 @@ class Solution:
         """The result of this solution: JSON types only; what is not finite or not computed is None."""
         trajectory = self.trajectory
         resolution = self.spec.resolved()
-        plain = {
+        sampled = trajectory.sample(self._sample_times())
+        phase = {
+            "name": "phase",
+            "t0": trajectory.t0,
+            "tf": trajectory.tf,
+            "start": 0,
+            "stop": len(sampled["t"]) - 1,
+        }
+        plain: dict[str, Any] = {
             "job_id": job_id,
             "success": self.success,
             "status": self.status.value,
@@ -70,10 +78,7 @@ class Solution:
             "method": dict(self.method),
             "coefficients": encode(trajectory.basis, trajectory.states, trajectory.controls),
             "nodes": {**trajectory.sample(trajectory.time(trajectory.nodes)), "costates": {}},
-            "trajectory": {
-                **trajectory.sample(self._sample_times()),
-                "outputs": {},
-            },
+            "trajectory": {**sampled, "outputs": {}},
             "interpolation": dict.fromkeys(trajectory.controls, trajectory.interpolation),
             "switching": dict(self.switching),
             "verification": self.verification.to_dict(),
@@ -97,11 +102,9 @@ class Solution:
             "starts": [{"objective": self.objective, "status": self.status.value}],
             "warnings": list(self.warnings),
             "model_report": None,
-            "phases": [{"name": "phase", "t0": trajectory.t0, "tf": trajectory.tf, "start": 0, "stop": 0}],
+            "phases": [phase],
         }
-        samples = plain["trajectory"]["t"]
-        plain["phases"][0]["stop"] = len(samples) - 1
-        return _finite(plain)
+        return {key: _finite(value) for key, value in plain.items()}
 
     def _sample_times(self) -> Vector:
         """Equidistant times, and every switching instant twice: its left and its right value."""
@@ -112,9 +115,8 @@ class Solution:
 
 def _provenance() -> dict[str, Any]:
     return {
-        "versions": {
-            name: version(name) for name in ("ondelette", "casadi", "numpy", "scipy")
-        } | {"python": platform.python_version()},
+        "versions": {name: version(name) for name in ("ondelette", "casadi", "numpy", "scipy")}
+        | {"python": platform.python_version()},
         "linear_solver": "mumps",
         "platform": platform.platform(),
         "seed": None,

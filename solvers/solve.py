@@ -46,8 +46,8 @@ _VERIFY_SECONDS_UNCONVERGED = 2.0
 def solve(spec: JobSpec, progress: Progress | None = None) -> Solution:
     """Solve a checked document and verify the answer.
 
-    Never raises for a numerical failure: the last iterate comes back with its status. Raises what ``progress``
-    raises.
+    Never raises for a numerical failure: the last iterate comes back with its status. Raises what
+    ``progress`` raises.
     """
     run = _Run(spec, progress or SilentProgress())
     return run.solution()

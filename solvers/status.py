@@ -24,13 +24,16 @@ class SolveStatus(StrEnum):
 
 
 _SENTENCES = {
-    SolveStatus.CONVERGED: "The nonlinear program converged and the re-integrated answer is within tolerance.",
+    SolveStatus.CONVERGED: (
+        "The nonlinear program converged and the re-integrated answer is within tolerance."
+    ),
     SolveStatus.INFEASIBLE: (
-        "No feasible point was found from this guess. Check that the end conditions can be reached within the "
-        "bounds, or give a better guess."
+        "No feasible point was found from this guess. Check that the end conditions can be reached within "
+        "the bounds, or give a better guess."
     ),
     SolveStatus.ITERATION_LIMIT: (
-        "The iteration limit was reached before convergence. Raise options.max_iterations or give a better guess."
+        "The iteration limit was reached before convergence. Raise options.max_iterations or give a better "
+        "guess."
     ),
     SolveStatus.TIME_LIMIT: "The time limit was reached before convergence. Raise options.max_seconds.",
     SolveStatus.DIVERGED: (
@@ -38,8 +41,8 @@ _SENTENCES = {
         "scaling of the problem, or give a better guess."
     ),
     SolveStatus.UNVERIFIED: (
-        "The nonlinear program converged, but the re-integrated answer is outside the verification tolerance. "
-        "Use more nodes."
+        "The nonlinear program converged, but the re-integrated answer is outside the verification "
+        "tolerance. Use more nodes, or a method whose control stays within its bounds between nodes (swcm)."
     ),
     SolveStatus.CANCELLED: "The solve was cancelled; this is the last iterate.",
     SolveStatus.EVALUATION_ERROR: "An expression of the model has no finite value where it was needed.",

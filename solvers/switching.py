@@ -55,7 +55,9 @@ def _switches(trajectory: Trajectory, name: str, bounds: Interval) -> dict[str, 
 def _arcs(values: Vector, bounds: Interval) -> list[tuple[int, int, str]]:
     """Stretches (first node, last node, kind) in order; short interior ones between others are left out."""
     margin = _ON_BOUND * (bounds[1] - bounds[0])
-    kinds = np.where(values <= bounds[0] + margin, "lower", np.where(values >= bounds[1] - margin, "upper", "interior"))
+    kinds = np.where(
+        values <= bounds[0] + margin, "lower", np.where(values >= bounds[1] - margin, "upper", "interior")
+    )
     edges = np.flatnonzero(kinds[1:] != kinds[:-1]) + 1
     starts, stops = [0, *edges.tolist()], [*edges.tolist(), values.size]
     runs = [(start, stop - 1, str(kinds[start])) for start, stop in zip(starts, stops, strict=True)]

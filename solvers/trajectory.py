@@ -19,8 +19,8 @@ Vector = NDArray[np.float64]
 class Trajectory:
     """What a method returns: a curve over tau = (t - t0) / (tf - t0) for each state and control, by name.
 
-    ``interpolation`` names how the controls are to be read between nodes. ``basis`` names the functions behind
-    the curves (:mod:`solvers.coefficients`). ``breakpoints``: ascending tau from 0 to 1; between two of them
+    ``interpolation`` names how the controls are to be read between nodes. ``basis`` names the functions
+    behind the curves (:mod:`solvers.coefficients`). ``breakpoints``: ascending tau from 0 to 1, between which
     every curve is smooth. ``nodes``: the tau at which the dynamics were imposed, and both ends.
     """
 
@@ -56,7 +56,9 @@ class Trajectory:
 
     def rates_at(self, tau: Vector) -> Vector:
         """Time derivatives of the states, (n, K)."""
-        return np.array([curve(tau, 1) / self.duration for curve in self.states.values()]).reshape(-1, tau.size)
+        return np.array([curve(tau, 1) / self.duration for curve in self.states.values()]).reshape(
+            -1, tau.size
+        )
 
     @classmethod
     def from_result(cls, result: Mapping[str, Any]) -> Trajectory:
@@ -79,7 +81,7 @@ class Trajectory:
         )
 
     def sample(self, times: Vector, *, derivatives: bool = False) -> dict[str, Any]:
-        """The ``trajectory`` of a result at these times: ``t``, ``states``, ``controls``, with ``rates`` if asked.
+        """The ``trajectory`` of a result at these times: ``t``, ``states``, ``controls``, and ``rates``.
 
         Times outside [t0, tf] take the value at the nearer end.
         """

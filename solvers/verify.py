@@ -1,7 +1,7 @@
-"""Independent verification: fly the returned control on the original model and compare with what was promised.
+"""Independent verification: fly the returned control on the original model, compare with what was promised.
 
-Knows nothing of the method that it checks. Errors are relative to each quantity's scale, the largest magnitude
-on the trajectory (at least 1e-6).
+Knows nothing of the method that it checks. Errors are relative to each quantity's scale, the largest
+magnitude on the trajectory (at least 1e-6).
 """
 
 from __future__ import annotations
@@ -139,17 +139,21 @@ def verify(
     meaningful = growth is not None and growth <= MEANINGFUL_GROWTH
     if growth is not None and not meaningful:
         note = (
-            f"Small errors grow {growth:.1e} times over the whole flight, so that its end says nothing; success "
-            "rests on the error from breakpoint to breakpoint."
+            f"Small errors grow {growth:.1e} times over the whole flight, so that its end says nothing; "
+            "success rests on the error from breakpoint to breakpoint."
         )
     misses = _misses(problem, promised[:, -1], ends) if meaningful and ends is not None else None
     bound_violation = max(
         _violation(states, np.array(problem.state_bounds), state_scale),
-        _violation(controls, model.bounds, np.maximum(SMALLEST_SCALE, np.abs(controls).max(axis=1, initial=0.0))),
+        _violation(
+            controls, model.bounds, np.maximum(SMALLEST_SCALE, np.abs(controls).max(axis=1, initial=0.0))
+        ),
     )
     scope = problem.scope(states, model.clipped(tau), trajectory.time(tau), problem.parameters)
     path_violation = _largest_violation(problem.path, scope)
-    end_scope = _ends_scope(problem, trajectory, model, promised[:, 0], promised[:, -1] if ends is None else ends)
+    end_scope = _ends_scope(
+        problem, trajectory, model, promised[:, 0], promised[:, -1] if ends is None else ends
+    )
     if objective is not None and problem.terminal_cost is not None:
         objective += float(problem.terminal_cost.evaluate(end_scope, NUMPY.functions))
     checks = [
@@ -158,12 +162,17 @@ def verify(
         Check("path", path_violation, tolerances.path),
         Check(
             "ends",
-            max(_start_violation(problem, promised[:, 0], state_scale), _largest_violation(problem.boundary, end_scope)),
+            max(
+                _start_violation(problem, promised[:, 0], state_scale),
+                _largest_violation(problem.boundary, end_scope),
+            ),
             tolerances.terminal_error,
         ),
     ]
     if growth is None or meaningful:
-        checks.insert(0, Check("terminal_error", _scaled_maximum(misses, state_scale), tolerances.terminal_error))
+        checks.insert(
+            0, Check("terminal_error", _scaled_maximum(misses, state_scale), tolerances.terminal_error)
+        )
     return Verification(
         terminal_error=_scaled_maximum(misses, state_scale),
         max_state_error=_scaled_maximum(arc_errors, state_scale),
@@ -172,7 +181,9 @@ def verify(
         objective=objective,
         growth=growth,
         states={
-            name: _state_report(index, arc_errors, misses, trajectory, model.breakpoints, state_scale, tolerances)
+            name: _state_report(
+                index, arc_errors, misses, trajectory, model.breakpoints, state_scale, tolerances
+            )
             for index, name in enumerate(problem.states)
         },
         tolerances=tolerances,
@@ -217,7 +228,9 @@ def _largest_violation(constraints: Sequence[Constraint], scope: Mapping[str, An
     largest = 0.0
     for constraint in constraints:
         with np.errstate(all="ignore"):
-            values = np.atleast_1d(np.asarray(constraint.expression.evaluate(scope, NUMPY.functions), np.float64))
+            values = np.atleast_1d(
+                np.asarray(constraint.expression.evaluate(scope, NUMPY.functions), np.float64)
+            )
         scale = max(SMALLEST_SCALE, float(np.max(np.abs(values))))
         largest = max(largest, float(np.max(violation(values, constraint.interval))) / scale)
     return largest
@@ -229,7 +242,11 @@ def _start_violation(problem: OptimalControlProblem, start: Vector, scale: Vecto
 
 
 def _ends_scope(
-    problem: OptimalControlProblem, trajectory: Trajectory, model: ControlledModel, start: Vector, stop: Vector
+    problem: OptimalControlProblem,
+    trajectory: Trajectory,
+    model: ControlledModel,
+    start: Vector,
+    stop: Vector,
 ) -> dict[str, Any]:
     controls = model.clipped(np.array([0.0, 1.0]))
     return problem.ends_scope(

@@ -1,10 +1,11 @@
-"""IPOPT (Waechter and Biegler 2006) through CasADi: iterations are watched, and can be stopped between them."""
+"""IPOPT (Waechter and Biegler 2006) through CasADi, watched and stopped between iterations."""
 
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -40,7 +41,7 @@ class Iterate:
 
 @dataclass(frozen=True)
 class Outcome:
-    """Where the optimizer stopped; ``unknowns`` (n,), ``row_multipliers`` (m,), ``bound_multipliers`` (n,)."""
+    """Where it stopped: ``unknowns`` (n,), ``row_multipliers`` (m,), ``bound_multipliers`` (n,)."""
 
     unknowns: Vector
     objective: float
@@ -55,7 +56,7 @@ class Outcome:
 
 @dataclass(frozen=True)
 class Limits:
-    """When to stop: ``deadline`` is a value of ``time.monotonic()``; ``cancelled`` is asked every iteration."""
+    """When to stop: ``deadline`` is of ``time.monotonic()``; ``cancelled`` is asked every iteration."""
 
     tolerance: float
     max_iterations: int
@@ -63,12 +64,10 @@ class Limits:
     cancelled: Callable[[], bool]
 
 
-class _Watcher(ca.Callback):  # type: ignore[misc]
+class _Watcher(ca.Callback):
     """Called by IPOPT after each iteration; a return value of 1 stops it and keeps the iterate."""
 
-    def __init__(
-        self, program: NonlinearProgram, limits: Limits, report: Callable[[Iterate], None]
-    ) -> None:
+    def __init__(self, program: NonlinearProgram, limits: Limits, report: Callable[[Iterate], None]) -> None:
         ca.Callback.__init__(self)
         self._program, self._limits, self._report = program, limits, report
         self._next_report = 0.0
@@ -95,7 +94,7 @@ class _Watcher(ca.Callback):  # type: ignore[misc]
         }
         return ca.Sparsity.dense(sizes[name])
 
-    def eval(self, values: list[ca.DM]) -> list[int]:
+    def eval(self, values: Sequence[ca.DM]) -> list[int]:
         self.iterations += 1
         try:
             return [int(self._watch(values))]
@@ -103,7 +102,7 @@ class _Watcher(ca.Callback):  # type: ignore[misc]
             self.error = error
             return [1]
 
-    def _watch(self, values: list[ca.DM]) -> bool:
+    def _watch(self, values: Sequence[ca.DM]) -> bool:
         now = time.monotonic()
         if now >= self._next_report:
             self._next_report = now + _REPORT_EVERY
@@ -130,7 +129,7 @@ def minimise(
     started = time.perf_counter()
     compiled = compile_program(program)
     watcher = _Watcher(program, limits, report)
-    options = {
+    options: dict[str, Any] = {
         "print_time": False,
         "show_eval_warnings": False,
         "error_on_fail": False,

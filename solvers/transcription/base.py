@@ -25,8 +25,8 @@ from solvers.problem import Constraint, Interval, OptimalControlProblem
 from solvers.program import NonlinearProgram
 from solvers.scaling import Scaling
 from solvers.symbolic import CASADI
-from solvers.transcription.builder import Places, ProgramBuilder
 from solvers.trajectory import Trajectory
+from solvers.transcription.builder import Places, ProgramBuilder
 
 Vector = NDArray[np.float64]
 
@@ -135,7 +135,9 @@ class Transcription(ABC):
         """The trajectory of a (scaled) solution of the program."""
         return self.read(scaled * self.builder.scale)
 
-    def apply(self, function: ca.Function, instants: Instants, extra: Sequence[sparse.csr_array] = ()) -> Places:
+    def apply(
+        self, function: ca.Function, instants: Instants, extra: Sequence[sparse.csr_array] = ()
+    ) -> Places:
         """Apply a function of :class:`NodeSymbols` at these instants."""
         count = instants.tau.size
         ones = sparse.csr_array(np.ones((count, 1)))
@@ -150,7 +152,9 @@ class Transcription(ABC):
         rate = self.problem.rate(symbols.x, symbols.u, symbols.t, symbols.parameters, CASADI)
         return self.apply(symbols.function("rate", [symbols.duration * value for value in rate]), instants)
 
-    def add_defects(self, states: Sequence[sparse.csr_array], places: Places, rates: sparse.sparray) -> None:
+    def add_defects(
+        self, states: Sequence[sparse.csr_array], places: Places, rates: sparse.csr_array
+    ) -> None:
         """Add the defects  states_i w + rates (tf - t0) f_i = 0  of every state i.
 
         ``states``: R x unknowns for each state; ``rates``: R x K for the K places of :meth:`apply_rate`.
@@ -210,10 +214,15 @@ class Transcription(ABC):
         duration = parts[-1] - parts[-2]
         sides = []
         for start in (0, n + m):
-            x = [part / duration if i in self.per_tau else part for i, part in enumerate(parts[start : start + n])]
+            x = [
+                part / duration if i in self.per_tau else part
+                for i, part in enumerate(parts[start : start + n])
+            ]
             sides.append((x, parts[start + n : start + n + m]))
         scope = problem.ends_scope(
-            (*sides[0], parts[-2]), (*sides[1], parts[-1]), dict(zip(problem.parameters, ca.vertsplit(p), strict=True))
+            (*sides[0], parts[-2]),
+            (*sides[1], parts[-1]),
+            dict(zip(problem.parameters, ca.vertsplit(p), strict=True)),
         )
         expressions = [item.expression for item in problem.boundary]
         if problem.terminal_cost is not None:

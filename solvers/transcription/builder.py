@@ -46,7 +46,9 @@ class ProgramBuilder:
     size: int = 0
     row_count: int = 0
 
-    def unknowns(self, initial: Vector, *, scale: float, lower: float = -np.inf, upper: float = np.inf) -> range:
+    def unknowns(
+        self, initial: Vector, *, scale: float, lower: float = -np.inf, upper: float = np.inf
+    ) -> range:
         """Append a block of unknowns and return its indices."""
         block = range(self.size, self.size + initial.size)
         self._initial.append(initial)
@@ -56,7 +58,7 @@ class ProgramBuilder:
         self.size += initial.size
         return block
 
-    def rows_of(self, block: range, matrix: sparse.sparray | None = None) -> sparse.csr_array:
+    def rows_of(self, block: range, matrix: sparse.csr_array | None = None) -> sparse.csr_array:
         """Spread ``matrix`` (K x len(block)), by default the identity, over all unknowns: K x size."""
         entries = sparse.coo_array(sparse.eye_array(len(block)) if matrix is None else matrix)
         return sparse.csr_array(
@@ -64,7 +66,7 @@ class ProgramBuilder:
         )
 
     def apply(self, function: ca.Function, blocks: Sequence[sparse.csr_array], numbers: Vector) -> Places:
-        """Apply F(z, p) to K places: ``blocks`` holds K rows for each local variable, ``numbers`` is n_p x K."""
+        """Apply F(z, p) to K places: ``blocks`` has K rows a local variable, ``numbers`` is n_p x K."""
         places = numbers.shape[1]
         order = np.arange(places * len(blocks)).reshape(len(blocks), places).T.ravel()
         gather = sparse.csr_array(sparse.vstack(blocks, format="csr")[order])
@@ -82,25 +84,27 @@ class ProgramBuilder:
         upper: ArrayLike,
         *,
         scale: ArrayLike,
-        linear: sparse.sparray | None = None,
+        linear: sparse.csr_array | None = None,
         places: Places | None = None,
-        scatter: sparse.sparray | None = None,
+        scatter: sparse.csr_array | None = None,
     ) -> None:
         """Add rows ``lower <= linear w + scatter F <= upper``, each to be divided by its ``scale``.
 
         ``scatter`` (rows x values of ``places``) is the identity by default.
         """
         if scatter is None and places is not None:
-            scatter = sparse.eye_array(places.values)
+            scatter = sparse.csr_array(sparse.eye_array(places.values))
         part = linear if linear is not None else scatter
         assert part is not None
         count = part.shape[0]
         if count == 0:
             return
-        lowers, uppers, scales = (np.broadcast_to(np.asarray(x, float), (count,)) for x in (lower, upper, scale))
+        lowers, uppers, scales = (
+            np.broadcast_to(np.asarray(x, float), (count,)) for x in (lower, upper, scale)
+        )
         matrix = sparse.csr_array((count, self.size)) if linear is None else sparse.csr_array(linear)
         self._rows.append((matrix, lowers, uppers, scales))
-        if places is not None:
+        if places is not None and scatter is not None:
             self._functions[places.index].scatter.append((self.row_count, sparse.csc_array(scatter)))
         self.row_count += count
 

@@ -90,11 +90,13 @@ class GaussPseudospectral(Transcription):
         rows = sparse.coo_array(sparse.kron(sparse.eye_array(segments), sparse.coo_array(slopes)))
         # Neighbours share the state between them: the last column of one is the first of the next.
         shared = rows.col - rows.col // (self.count + 2)
-        differences = sparse.csr_array((rows.data, (rows.row, shared)), shape=(rows.shape[0], self._state_tau.size))
+        differences = sparse.csr_array(
+            (rows.data, (rows.row, shared)), shape=(rows.shape[0], self._state_tau.size)
+        )
         local = np.vstack([np.eye(self.count), self._weights])
         rates = sparse.kron(sparse.diags_array(-np.diff(self.breaks) / 2.0), sparse.coo_array(local))
         states = [self.builder.rows_of(block, differences) for block in self._states]
-        self.add_defects(states, self.apply_rate(self.path_instants()), rates)
+        self.add_defects(states, self.apply_rate(self.path_instants()), sparse.csr_array(rates))
 
     def read(self, unknowns: Vector) -> Trajectory:
         """See :class:`Transcription`."""
@@ -124,4 +126,4 @@ class GaussPseudospectral(Transcription):
         ends = lagrange_matrix(self._points, weights, np.array([-1.0, 1.0]))
         rows = sparse.lil_array((self._state_tau.size, self._tau.size))
         rows[0, : self.count], rows[-1, -self.count :] = ends
-        return [self.builder.rows_of(block, rows) for block in self._controls]
+        return [self.builder.rows_of(block, sparse.csr_array(rows)) for block in self._controls]

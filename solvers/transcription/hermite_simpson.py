@@ -63,7 +63,9 @@ class HermiteSimpson(Transcription):
 
     def nodes(self) -> Instants:
         """The ends and middles of the intervals."""
-        rows = [[self.builder.rows_of(block) for block in blocks] for blocks in (self._states, self._controls)]
+        rows = [
+            [self.builder.rows_of(block) for block in blocks] for blocks in (self._states, self._controls)
+        ]
         return Instants(self._tau, rows[0], rows[1])
 
     def path_instants(self) -> Instants:

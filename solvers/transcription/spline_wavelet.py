@@ -5,12 +5,12 @@ Decision vector, N = intervals + 3:
     second order:  c[q_1] (N) ... c[q_n] (N) | u_1 (knots) ... u_m (knots) | t0 | tf
     first order:   c[x_1] (N) ... c[x_n] (N) | u_1 (N - 1) ... u_m (N - 1) | t0 | tf
 
-c are coefficients in the banded B-spline basis, which spans the same space as the wavelets of levels V0, W0,
-..., W(J-1); the wavelet coefficients follow by the fast transform. The dynamics are collocated at the Greville
-points of the space in which the highest derivative lives: the knots for equations of second order, the ends
-and the midpoints of the intervals for equations of first order. Controls enter there only, so their values
-there are the unknowns, with simple bounds; between them the control is linear, as the second derivative of a
-cubic spline is.
+c are coefficients in the banded B-spline basis, which spans the same space as the wavelets of levels V0,
+W0, ..., W(J-1); the wavelet coefficients follow by the fast transform. The dynamics are collocated at the
+Greville points of the space in which the highest derivative lives: the knots for equations of second order,
+the ends and the midpoints of the intervals for equations of first order. Controls enter there only, so their
+values there are the unknowns, with simple bounds; between them the control is linear, as the second
+derivative of a cubic spline is.
 
 Source: Zhang, Feng, Tang, Macdonald, "A spline wavelet collocation method for the optimal control of flexible
 spacecraft", Proc. IMechE Part G, 2014, doi 10.1177/0954410014528885, eqs. 36-52.
@@ -109,7 +109,9 @@ class SplineWavelet(Transcription):
             self.builder.constrain(0.0, 0.0, scale=scale, places=places)
             return
         slopes = [self._spline_rows(i, self.points, 1) for i in range(self._splines)]
-        self.add_defects(slopes, self.apply_rate(instants), -sparse.eye_array(self.points.size))
+        self.add_defects(
+            slopes, self.apply_rate(instants), -sparse.csr_array(sparse.eye_array(self.points.size))
+        )
 
     def read(self, unknowns: Vector) -> Trajectory:
         """See :class:`Transcription`."""
@@ -127,7 +129,12 @@ class SplineWavelet(Transcription):
             dict(zip(self.problem.states, splines + velocities, strict=True)),
             dict(zip(self.problem.controls, controls, strict=True)),
             interpolation="linear",
-            basis={"name": SPLINE_WAVELET, "L": self.L, "J": self.J, "derivative": 1 if self._mechanical is None else 2},
+            basis={
+                "name": SPLINE_WAVELET,
+                "L": self.L,
+                "J": self.J,
+                "derivative": 1 if self._mechanical is None else 2,
+            },
             breakpoints=np.union1d(self.points, self.space.knots),
             nodes=self.points,
         )
@@ -152,7 +159,8 @@ class SplineWavelet(Transcription):
         none = np.zeros(self._splines)
         still = np.array(self._mechanical.residual(none, scope, NUMPY), np.float64)
         columns = [
-            np.array(self._mechanical.residual(row, scope, NUMPY), np.float64) - still for row in np.eye(self._splines)
+            np.array(self._mechanical.residual(row, scope, NUMPY), np.float64) - still
+            for row in np.eye(self._splines)
         ]
         inertial = np.abs(np.column_stack(columns)) * self.scaling.states[: self._splines]
         duration = guess.tf - guess.t0

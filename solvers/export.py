@@ -1,0 +1,63 @@
+"""The sampled trajectory of a result in the formats of other programs.
+
+Names of states and controls are identifiers (the document admits nothing else), so no cell of a table can be
+taken for a formula.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+def columns(trajectory: Mapping[str, Any]) -> dict[str, NDArray[np.float64]]:
+    """The columns of a sampled trajectory by name: ``t``, states, controls, outputs, ``<state>_rate``."""
+    named = {"t": trajectory["t"]}
+    for group, suffix in (("states", ""), ("controls", ""), ("outputs", ""), ("rates", "_rate")):
+        named |= {name + suffix: values for name, values in trajectory.get(group, {}).items()}
+    return {name: np.array(values, dtype=np.float64) for name, values in named.items()}
+
+
+def trajectory_csv(trajectory: Mapping[str, Any]) -> str:
+    """A header of names, then a row for each sample, with every digit that a double has."""
+    named = columns(trajectory)
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(named)
+    writer.writerows(np.column_stack(list(named.values())).tolist())
+    return text.getvalue()
+
+
+def to_csv(result: Mapping[str, Any]) -> str:
+    """The sampled trajectory of a result as CSV."""
+    return trajectory_csv(result["trajectory"])
+
+
+def to_npz(result: Mapping[str, Any]) -> bytes:
+    """The sampled trajectory as NumPy arrays by name; loads without pickle."""
+    buffer = io.BytesIO()
+    np.savez_compressed(buffer, allow_pickle=False, **columns(result["trajectory"]))
+    return buffer.getvalue()
+
+
+def to_mat(result: Mapping[str, Any]) -> bytes:
+    """A MATLAB 5 file: ``t``, structures ``states`` and ``controls``, ``objective``, ``final_time``."""
+    from scipy.io import savemat
+
+    trajectory = result["trajectory"]
+    content: dict[str, Any] = {"t": np.array(trajectory["t"], dtype=np.float64)}
+    for group in ("states", "controls"):
+        content[group] = {
+            name: np.array(values, dtype=np.float64) for name, values in trajectory[group].items()
+        }
+    for scalar in ("objective", "final_time"):
+        content[scalar] = np.nan if result[scalar] is None else result[scalar]
+    buffer = io.BytesIO()
+    # scipy takes open files too, which its stubs do not know.
+    savemat(buffer, content, long_field_names=True, oned_as="column")  # type: ignore[arg-type]
+    return buffer.getvalue()
