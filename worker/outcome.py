@@ -34,9 +34,9 @@ TIMED_OUT = JobError(
 )
 
 
-def of_solution(solution: Solution, limit: int) -> Outcome:
+def of_solution(solution: Solution, job_id: str, limit: int) -> Outcome:
     """Return the end of a job that was solved; a compressed result over ``limit`` bytes fails it."""
-    result = compress(json.dumps(solution.result(), allow_nan=False, separators=(",", ":")).encode())
+    result = compress(json.dumps(solution.result(job_id), allow_nan=False, separators=(",", ":")).encode())
     if len(result) > limit:
         detail = (
             f"The compressed result has {len(result) / 2**20:.1f} MiB, the limit is {limit / 2**20:g} MiB. "

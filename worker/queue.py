@@ -89,6 +89,10 @@ class JobQueue:
         except (KombuError, CeleryError, RedisError, OSError) as error:
             raise QueueUnavailable("the broker did not take the job") from error
 
+    def close(self) -> None:
+        """Close the connections by which jobs are published."""
+        self._celery.close()
+
     def depth(self) -> int:
         """Return how many jobs wait that no worker has fetched."""
         return self._redis.llen(f"{self._prefix}{QUEUE}")

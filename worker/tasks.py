@@ -12,8 +12,8 @@ from celery import Task
 from celery.exceptions import Reject
 from celery.worker.request import Request
 from redis.exceptions import RedisError
-from solvers.solve import solve
 
+from solvers.solve import solve
 from solvers.spec import check_document, parse_document
 from worker import outcome
 from worker.progress import StoreProgress
@@ -35,8 +35,8 @@ def solve_job(job_id: str, store: JobStore, result_limit: int) -> None:
         return
     with StoreProgress(store, job_id, owner) as progress:
         try:
-            solution = solve(check_document(parse_document(store.document(job_id))), progress, job_id)
-            end = outcome.of_solution(solution, result_limit)
+            solution = solve(check_document(parse_document(store.document(job_id))), progress)
+            end = outcome.of_solution(solution, job_id, result_limit)
         except RedisError:
             raise
         except Exception as error:  # noqa: BLE001  (logged and written as the job's error)

@@ -1,0 +1,102 @@
+"""The OpenAPI document: the framework's, with the schema of job documents and of refusals added."""
+
+from __future__ import annotations
+
+from typing import Any, cast
+
+from fastapi import FastAPI
+from fastapi.openapi.utils import get_openapi
+
+from app.errors import PROBLEM_JSON
+from app.problems import PROBLEMS
+from solvers.spec import job_schema
+
+_SCHEMAS = "#/components/schemas/"
+
+DOCUMENT_BODY: dict[str, Any] = {
+    "requestBody": {
+        "required": True,
+        "content": {"application/json": {"schema": {"$ref": f"{_SCHEMAS}JobDocument"}}},
+    }
+}
+"""What a route that reads a job document adds to its description."""
+
+_PROBLEM_SCHEMA: dict[str, Any] = {
+    "type": "object",
+    "title": "Problem",
+    "description": "A refusal (RFC 9457).",
+    "required": ["type", "title", "status", "detail", "request_id"],
+    "properties": {
+        "type": {"type": "string", "format": "uri-reference"},
+        "title": {"type": "string"},
+        "status": {"type": "integer"},
+        "detail": {"type": "string"},
+        "request_id": {"type": "string"},
+        "errors": {
+            "type": "array",
+            "items": {
+                "type": "object",
+                "required": ["detail"],
+                "properties": {
+                    "pointer": {"type": "string", "description": "JSON pointer into the document."},
+                    "parameter": {"type": "string", "description": "Parameter or header of the request."},
+                    "detail": {"type": "string"},
+                    "type": {"enum": ["invalid", "unsupported", "limit"]},
+                },
+            },
+        },
+    },
+}
+
+
+def refusals(*statuses: int) -> dict[int | str, dict[str, Any]]:
+    """Return the description of refusals by status, for a route's ``responses``."""
+    return {
+        status: {
+            "description": ", ".join(name for name, problem in PROBLEMS.items() if problem.status == status),
+            "content": {PROBLEM_JSON: {"schema": {"$ref": f"{_SCHEMAS}Problem"}}},
+        }
+        for status in statuses
+    }
+
+
+def install(app: FastAPI) -> None:
+    """Make ``/openapi.json`` the extended document, built once."""
+
+    def openapi() -> dict[str, Any]:
+        if app.openapi_schema is None:
+            app.openapi_schema = _document(app)
+        return app.openapi_schema
+
+    app.openapi = openapi  # type: ignore[method-assign]
+
+
+def _document(app: FastAPI) -> dict[str, Any]:
+    document = get_openapi(
+        title=app.title, version=app.version, description=app.description, routes=app.routes
+    )
+    job = cast(dict[str, Any], _relocated(job_schema()))
+    schemas = document.setdefault("components", {}).setdefault("schemas", {})
+    schemas.update(job.pop("$defs", {}))
+    schemas["JobDocument"] = job
+    schemas["Problem"] = _PROBLEM_SCHEMA
+    # The framework's own shape of a 422 is never sent.
+    for name in ("HTTPValidationError", "ValidationError"):
+        schemas.pop(name, None)
+    for path in document["paths"].values():
+        for operation in path.values():
+            if "application/json" in operation["responses"].get("422", {}).get("content", {}):
+                operation["responses"]["422"] = refusals(422)[422]
+    return document
+
+
+def _relocated(schema: object) -> object:
+    """Return a JSON Schema whose local definitions are looked for where OpenAPI keeps schemas."""
+    if isinstance(schema, dict):
+        return {
+            key: value.replace("#/$defs/", _SCHEMAS) if key == "$ref" else _relocated(value)
+            for key, value in schema.items()
+        }
+    if isinstance(schema, list):
+        return [_relocated(item) for item in schema]
+    return schema

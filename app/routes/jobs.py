@@ -1,0 +1,157 @@
+"""Jobs: submit, look, wait, list, cancel, erase."""
+
+from __future__ import annotations
+
+import base64
+import binascii
+from typing import Annotated
+from urllib.parse import urlencode
+
+from fastapi import APIRouter, Depends, Query, Request, Response
+from fastapi.concurrency import run_in_threadpool
+
+from app.errors import wrong_parameter
+from app.negotiation import LONGEST_WAIT, idempotency_key, json_body, matches_etag, preferred_wait
+from app.openapi import DOCUMENT_BODY, refusals
+from app.schemas import JobPage, JobView, SizeView
+from app.service import Service, Shared, check
+from worker.records import JobRecord, JobStatus, is_job_id
+
+router = APIRouter(prefix="/v1", tags=["jobs"])
+
+Body = Annotated[bytes, Depends(json_body)]
+Key = Annotated[str | None, Depends(idempotency_key)]
+
+
+@router.post(
+    "/jobs",
+    status_code=202,
+    response_model=JobView,
+    responses=refusals(409, 413, 415, 422, 503),
+    openapi_extra=DOCUMENT_BODY,
+)
+async def submit(request: Request, service: Shared, body: Body, key: Key) -> Response:
+    """Queue a job document. ``Prefer: wait=N`` delays the answer until the job is final, at most 60 s."""
+    record = await run_in_threadpool(service.submit, body, key)
+    wait = preferred_wait(request)
+    if wait is not None:
+        record = await service.watch.final(record.id, wait)
+    response = await run_in_threadpool(_answer, service, record, 202)
+    response.headers["Location"] = response.headers["Content-Location"] = f"/v1/jobs/{record.id}"
+    if wait is not None:
+        response.headers["Preference-Applied"] = f"wait={wait:g}"
+    return response
+
+
+@router.post("/validate", responses=refusals(413, 415, 422), openapi_extra=DOCUMENT_BODY)
+def validate(body: Body) -> SizeView:
+    """Check a document and tell its size and an estimate of the solve time; nothing is queued."""
+    spec, size = check(body)
+    return SizeView(
+        method=spec.method.name,
+        variables=size.variables,
+        constraints=size.constraints,
+        nodes=size.nodes,
+        seconds=size.seconds,
+    )
+
+
+@router.get("/jobs", response_model=JobPage, responses=refusals(422, 503))
+def jobs(
+    request: Request,
+    service: Shared,
+    status: JobStatus | None = None,
+    method: str | None = None,
+    tag: str | None = None,
+    name: str | None = None,
+    limit: Annotated[int, Query(ge=1, le=100)] = 20,
+    cursor: str | None = None,
+) -> Response:
+    """List jobs, newest first. A page may hold fewer jobs than ``limit`` and still have a next one."""
+
+    def wanted(record: JobRecord) -> bool:
+        return (
+            (status is None or record.status is status)
+            and (method is None or record.method == method)
+            and (tag is None or tag in record.tags)
+            and (name is None or record.name == name)
+        )
+
+    records, last = service.store.page(limit, None if cursor is None else _id_of(cursor), wanted)
+    following = None if last is None else _cursor_of(last)
+    page = JobPage(jobs=[JobView.of(record) for record in records], next_cursor=following)
+    response = _json(page.model_dump_json())
+    if following is not None:
+        query = urlencode({**request.query_params, "cursor": following})
+        response.headers["Link"] = f'</v1/jobs?{query}>; rel="next"'
+    return response
+
+
+@router.get("/jobs/{job_id}", response_model=JobView, responses={304: {}, **refusals(404, 410, 422, 503)})
+async def job(
+    request: Request,
+    service: Shared,
+    job_id: str,
+    wait: Annotated[float, Query(ge=0, allow_inf_nan=False)] = 0.0,
+) -> Response:
+    """Tell how a job stands; ``wait`` delays the answer until the job is final, at most 60 s."""
+    if wait:
+        record = await service.watch.final(job_id, min(wait, LONGEST_WAIT))
+    else:
+        record = await run_in_threadpool(service.store.get, job_id)
+    if matches_etag(request, etag := _etag(record)):
+        return Response(status_code=304, headers={"ETag": etag, "Cache-Control": "private, no-cache"})
+    return await run_in_threadpool(_answer, service, record, 200)
+
+
+@router.post(
+    "/jobs/{job_id}/cancel", status_code=202, response_model=JobView, responses=refusals(404, 410, 503)
+)
+def cancel(service: Shared, job_id: str) -> Response:
+    """Cancel a job: a queued one never starts, a running one stops soon, an ended one stays as it is."""
+    return _answer(service, service.store.cancel(job_id), 202)
+
+
+@router.delete("/jobs/{job_id}", status_code=204, responses=refusals(404, 409, 410, 503))
+def erase(service: Shared, job_id: str) -> None:
+    """Erase a finished job with its document and result."""
+    service.store.erase(job_id)
+
+
+@router.get("/jobs/{job_id}/spec", responses=refusals(404, 410, 503))
+def spec(service: Shared, job_id: str) -> Response:
+    """Return the document as it was submitted."""
+    return _json(service.store.document(job_id))
+
+
+def _answer(service: Service, record: JobRecord, status: int) -> Response:
+    response = _json(JobView.of(record).model_dump_json(), status)
+    response.headers["ETag"] = _etag(record)
+    response.headers["Cache-Control"] = "private, no-cache"
+    if not record.status.final:
+        response.headers["Retry-After"] = str(service.retry_after(record))
+    elif status == 202:
+        response.headers["Retry-After"] = "0"
+    return response
+
+
+def _json(text: str | bytes, status: int = 200) -> Response:
+    return Response(text, status, media_type="application/json")
+
+
+def _etag(record: JobRecord) -> str:
+    return f'"{record.version}"'
+
+
+def _cursor_of(job_id: str) -> str:
+    return base64.urlsafe_b64encode(job_id.encode()).decode().rstrip("=")
+
+
+def _id_of(cursor: str) -> str:
+    try:
+        job_id = base64.b64decode(cursor + "=" * (-len(cursor) % 4), b"-_", validate=True).decode()
+    except (binascii.Error, UnicodeError):
+        job_id = ""
+    if not is_job_id(job_id):
+        raise wrong_parameter("cursor", "is not one that this service gave; start without it")
+    return job_id

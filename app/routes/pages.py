@@ -1,0 +1,78 @@
+"""What a person sees in a browser: the first page, the API's documentation, what a problem type means."""
+
+from __future__ import annotations
+
+import base64
+import hashlib
+import html
+
+from fastapi import APIRouter, Request, Response
+from fastapi.openapi.docs import get_swagger_ui_html
+from fastapi.responses import HTMLResponse
+
+from app.errors import ServiceError
+from app.openapi import refusals
+from app.problems import PROBLEMS
+
+router = APIRouter()
+
+_STYLE = (
+    "body{font:16px/1.5 system-ui,sans-serif;max-width:44rem;margin:3rem auto;padding:0 1rem}"
+    "pre{background:#f3f4f6;padding:1rem;overflow:auto}dt{font-family:monospace}"
+)
+
+_PAGE = f"""<!doctype html>
+<html lang="en">
+<meta charset="utf-8">
+<meta name="viewport" content="width=device-width">
+<title>ondelette</title>
+<style>{_STYLE}</style>
+<h1>ondelette</h1>
+<p>Solves optimal-control problems by direct methods and verifies every answer by re-integration.</p>
+<pre>curl -s HERE/v1/cases/flexible_spacecraft |
+  curl -s HERE/v1/jobs -H 'Content-Type: application/json' -H 'Prefer: wait=30' -d @-</pre>
+<dl>
+<dt><a href="/docs">/docs</a>, <a href="/openapi.json">/openapi.json</a></dt><dd>The interface.</dd>
+<dt><a href="/v1/jobs">/v1/jobs</a></dt><dd>Jobs, newest first; POST a document here.</dd>
+<dt><a href="/v1/cases">/v1/cases</a></dt><dd>Ready documents with their reference answers.</dd>
+<dt><a href="/v1/methods">/v1/methods</a></dt><dd>Methods with their defaults.</dd>
+<dt><a href="/v1/models">/v1/models</a></dt><dd>Library models.</dd>
+<dt><a href="/readyz">/readyz</a></dt><dd>Whether the broker answers and a worker is alive.</dd>
+</dl>
+</html>
+"""
+
+_STYLE_HASH = base64.b64encode(hashlib.sha256(_STYLE.encode()).digest()).decode()
+_PAGE_POLICY = f"default-src 'none'; style-src 'sha256-{_STYLE_HASH}'; frame-ancestors 'none'"
+
+_CDN = "https://cdn.jsdelivr.net"
+_DOCS_POLICY = (
+    f"default-src 'none'; connect-src 'self'; img-src 'self' data: https://fastapi.tiangolo.com; "
+    f"style-src 'unsafe-inline' {_CDN}; script-src 'unsafe-inline' {_CDN}; frame-ancestors 'none'"
+)
+
+
+@router.get("/", include_in_schema=False)
+def page(request: Request) -> HTMLResponse:
+    """Return the first page."""
+    text = _PAGE.replace("HERE", html.escape(str(request.base_url).rstrip("/")))
+    return HTMLResponse(text, headers={"Content-Security-Policy": _PAGE_POLICY})
+
+
+@router.get("/docs", include_in_schema=False)
+def docs(request: Request) -> HTMLResponse:
+    """Return the API's documentation."""
+    answer = get_swagger_ui_html(openapi_url="/openapi.json", title=f"{request.app.title}: the interface")
+    answer.headers["Content-Security-Policy"] = _DOCS_POLICY
+    return answer
+
+
+@router.get("/problems/{name}", include_in_schema=False, responses=refusals(404))
+def problem(name: str) -> Response:
+    """Explain a problem type."""
+    if name not in PROBLEMS:
+        raise ServiceError("not-found", f"The problem types are {', '.join(PROBLEMS)}.")
+    kind = PROBLEMS[name]
+    return Response(
+        f"{kind.title} (HTTP status {kind.status})\n\n{kind.explanation}\n", media_type="text/plain"
+    )

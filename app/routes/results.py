@@ -1,0 +1,143 @@
+"""Results: whole, as files of other programs, resampled, drawn."""
+
+from __future__ import annotations
+
+import json
+import math
+import threading
+from collections.abc import Callable, Mapping
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from fastapi import APIRouter, Query, Request, Response
+from numpy.typing import NDArray
+
+from app.errors import ServiceError, wrong_parameter
+from app.negotiation import chosen_type
+from app.openapi import refusals
+from app.service import Service, Shared
+from solvers.export import to_csv, to_mat, to_npz
+from solvers.plot import render
+from solvers.trajectory import Trajectory
+
+router = APIRouter(prefix="/v1/jobs/{job_id}", tags=["results"])
+
+MAX_SAMPLES = 20_001
+DEFAULT_SAMPLES = 201
+
+_MEDIA = {
+    "json": "application/json",
+    "csv": "text/csv",
+    "npz": "application/x-npz",
+    "mat": "application/x-matlab-data",
+}
+_EXPORTS: Mapping[str, Callable[[Mapping[str, Any]], str | bytes]] = {
+    "csv": to_csv,
+    "npz": to_npz,
+    "mat": to_mat,
+}
+
+# matplotlib keeps settings and caches that threads must not share.
+_drawing = threading.Lock()
+
+
+@router.get(
+    "/result",
+    responses={
+        200: {"content": {media: {} for media in _MEDIA.values()}},
+        **refusals(404, 406, 409, 410, 503),
+    },
+)
+def result(
+    request: Request,
+    service: Shared,
+    job_id: str,
+    format: Annotated[
+        str | None, Query(description=f"Instead of Accept: one of {', '.join(_MEDIA)}.")
+    ] = None,
+) -> Response:
+    """Return the result of a final job; CSV, NPZ and MAT hold the sampled trajectory."""
+    kind = chosen_type(request, _MEDIA)
+    text = service.result(job_id)
+    headers = {"Vary": "Accept"}
+    if kind == "json":
+        return Response(text, media_type=_MEDIA[kind], headers=headers)
+    headers["Content-Disposition"] = f'attachment; filename="{job_id}.{kind}"'
+    return Response(_EXPORTS[kind](json.loads(text)), media_type=_MEDIA[kind], headers=headers)
+
+
+@router.get("/trajectory", responses=refusals(404, 409, 410, 422, 503))
+def trajectory(
+    service: Shared,
+    job_id: str,
+    samples: Annotated[int | None, Query(ge=2, le=MAX_SAMPLES)] = None,
+    t: Annotated[str | None, Query(description="Times, separated by commas, in the problem's unit.")] = None,
+    dt: Annotated[float | None, Query(gt=0, allow_inf_nan=False, description="Step from t0 on.")] = None,
+    derivatives: bool = False,
+) -> Response:
+    """Resample the trajectory from its coefficients: at ``samples`` times, at times ``t``, or by ``dt``."""
+    curves = _curves(service, job_id)
+    sampled = curves.sample(_times(curves.t0, curves.tf, samples, t, dt), derivatives=derivatives)
+    text = json.dumps({"job_id": job_id, **sampled}, allow_nan=False, separators=(",", ":"))
+    return Response(text, media_type="application/json")
+
+
+@router.get(
+    "/plot.{kind}",
+    responses={
+        200: {"content": {"image/svg+xml": {}, "image/png": {}}},
+        **refusals(404, 409, 410, 503),
+    },
+)
+def plot(service: Shared, job_id: str, kind: Literal["svg", "png"]) -> Response:
+    """Draw states and controls over time, with the switching times marked."""
+    text = service.result(job_id)
+    title = service.store.get(job_id).name or ""
+    with _drawing:
+        picture = render(json.loads(text), kind, title)
+    # The picture styles itself inline and must not load or run anything.
+    policy = "default-src 'none'; style-src 'unsafe-inline'; frame-ancestors 'self'"
+    media = "image/svg+xml" if kind == "svg" else "image/png"
+    return Response(picture, media_type=media, headers={"Content-Security-Policy": policy})
+
+
+def _curves(service: Service, job_id: str) -> Trajectory:
+    stored = json.loads(service.result(job_id))
+    try:
+        return Trajectory.from_result(stored)
+    except TypeError as error:
+        # A diverged iterate holds numbers that are not finite, null in JSON: nothing to interpolate.
+        raise ServiceError(
+            "no-result", "The last iterate is not finite, so it cannot be resampled."
+        ) from error
+
+
+def _times(
+    t0: float, tf: float, samples: int | None, times: str | None, step: float | None
+) -> NDArray[np.float64]:
+    if sum(choice is not None for choice in (samples, times, step)) > 1:
+        raise wrong_parameter("samples", "give only one of samples, t and dt")
+    if times is not None:
+        return _listed(times, t0, tf)
+    if step is not None:
+        # A last step that ends at tf but for rounding counts.
+        count = (tf - t0) / step * (1 + 1e-12) + 1
+        if not count < MAX_SAMPLES + 1:
+            raise wrong_parameter("dt", f"gives more than {MAX_SAMPLES:,} samples, the limit")
+        grid: NDArray[np.float64] = np.minimum(t0 + step * np.arange(math.floor(count)), tf)
+        return grid
+    return np.linspace(t0, tf, samples or DEFAULT_SAMPLES)
+
+
+def _listed(times: str, t0: float, tf: float) -> NDArray[np.float64]:
+    words = times.split(",")
+    if len(words) > MAX_SAMPLES:
+        raise wrong_parameter("t", f"has more than {MAX_SAMPLES:,} times, the limit")
+    try:
+        listed = np.array([float(word) for word in words])
+    except ValueError:
+        raise wrong_parameter("t", "must be numbers, separated by commas") from None
+    margin = 1e-9 * (tf - t0)
+    if not bool(np.all((listed >= t0 - margin) & (listed <= tf + margin))):
+        raise wrong_parameter("t", f"has times outside the trajectory, [{t0!r}, {tf!r}]")
+    return listed

@@ -1,0 +1,148 @@
+"""The answers of the service, as clients read them."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from pydantic import BaseModel, Field
+
+from worker.records import FailureType, JobRecord, JobStatus, timestamp
+
+
+class ProgressView(BaseModel):
+    """The last report of a running solve; ``fraction`` in [0, 1] is an estimate."""
+
+    stage: str
+    iteration: int
+    objective: float | None
+    infeasibility: float | None
+    fraction: float | None
+
+
+class JobErrorView(BaseModel):
+    """Why a job failed."""
+
+    type: FailureType
+    title: str
+    detail: str
+
+
+class JobLinks(BaseModel):
+    """Where the parts of a job are."""
+
+    self: str
+    spec: str
+    cancel: str
+    result: str
+    trajectory: str
+    plot: str
+
+
+class JobView(BaseModel):
+    """A job; times are RFC 3339 in UTC."""
+
+    id: str
+    name: str | None
+    tags: list[str]
+    status: JobStatus
+    method: str
+    created_at: str
+    started_at: str | None
+    finished_at: str | None
+    progress: ProgressView | None
+    error: JobErrorView | None
+    attempts: int = Field(description="How often a worker started it.")
+    cancel_requested: bool = Field(
+        description="True from the moment at which a running job was asked to stop."
+    )
+    links: JobLinks
+
+    @classmethod
+    def of(cls, record: JobRecord) -> JobView:
+        """Return the view of a job record."""
+        here = f"/v1/jobs/{record.id}"
+        error = record.error
+        return cls(
+            id=record.id,
+            name=record.name,
+            tags=list(record.tags),
+            status=record.status,
+            method=record.method,
+            created_at=timestamp(record.created_at),
+            started_at=None if record.started_at is None else timestamp(record.started_at),
+            finished_at=None if record.finished_at is None else timestamp(record.finished_at),
+            progress=None if record.progress is None else ProgressView.model_validate(record.progress),
+            error=None
+            if error is None
+            else JobErrorView(type=error.type, title=error.title, detail=error.detail),
+            attempts=record.attempts,
+            cancel_requested=record.cancel_requested,
+            links=JobLinks(
+                self=here,
+                spec=f"{here}/spec",
+                cancel=f"{here}/cancel",
+                result=f"{here}/result",
+                trajectory=f"{here}/trajectory",
+                plot=f"{here}/plot.svg",
+            ),
+        )
+
+
+class JobPage(BaseModel):
+    """A page of jobs, newest first; ``next_cursor`` is null on the last page."""
+
+    jobs: list[JobView]
+    next_cursor: str | None
+
+
+class SizeView(BaseModel):
+    """What a document asks of a worker: the nonlinear program's size, and about how long it takes (s)."""
+
+    valid: bool = True
+    method: str
+    variables: int
+    constraints: int
+    nodes: int
+    seconds: float
+
+
+class ModelList(BaseModel):
+    """The library models."""
+
+    models: list[dict[str, Any]]
+
+
+class MethodList(BaseModel):
+    """The methods with their defaults and JSON Schemas."""
+
+    methods: list[dict[str, Any]]
+
+
+class CaseView(BaseModel):
+    """A case on board; ``href`` is its job document."""
+
+    name: str
+    title: str
+    method: str
+    reference: dict[str, Any] | None
+    href: str
+
+
+class CaseList(BaseModel):
+    """The cases on board."""
+
+    cases: list[CaseView]
+
+
+class HealthView(BaseModel):
+    """The process answers."""
+
+    status: str = "ok"
+
+
+class ReadyView(BaseModel):
+    """The broker answers and workers are alive: by name, the number of jobs that each solves at a time."""
+
+    status: str = "ready"
+    workers: dict[str, int]
+    queued: int

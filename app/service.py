@@ -1,0 +1,123 @@
+"""What the routes work with: the store, the queue, and how a document becomes a job."""
+
+from __future__ import annotations
+
+import math
+import time
+from dataclasses import dataclass
+from typing import Annotated, cast
+
+from fastapi import Depends, Request
+
+from app.errors import ServiceError
+from app.settings import Settings
+from app.watch import StatusWatch
+from solvers.sizes import ProblemSize, problem_size
+from solvers.spec import JobSpec, check_document, parse_document
+from worker.claims import Claims
+from worker.errors import QueueUnavailable
+from worker.queue import JobQueue, make_celery
+from worker.records import JobRecord, JobStatus, new_job_id
+from worker.store import JobStore, connect
+
+_LONGEST_RETRY = 300
+
+
+@dataclass(frozen=True, slots=True)
+class Service:
+    """One for each process; everything in it may be used by many threads."""
+
+    settings: Settings
+    store: JobStore
+    queue: JobQueue
+    claims: Claims
+    watch: StatusWatch
+
+    @classmethod
+    def of(cls, settings: Settings) -> Service:
+        """Return the service for a broker; nothing is connected before it is used."""
+        redis = connect(settings)
+        store = JobStore(redis, settings)
+        queue = JobQueue(make_celery(settings), redis, settings)
+        return cls(settings, store, queue, Claims(redis, settings), StatusWatch(store, settings))
+
+    def close(self) -> None:
+        """Close the connections."""
+        self.queue.close()
+        self.store.redis.close()
+
+    def submit(self, body: bytes, key: str | None) -> JobRecord:
+        """Check a document, remember it and put it into the queue; return the job.
+
+        ``key`` is the client's Idempotency-Key: the job of an earlier submission with it is returned instead.
+        Raises DocumentError, KeyReused, KeyInFlight, and QueueUnavailable, after which nothing is remembered.
+        """
+        spec, size = check(body)
+        record = JobRecord(
+            id=new_job_id(),
+            status=JobStatus.QUEUED,
+            method=spec.method.name,
+            max_seconds=float(spec.options.max_seconds),
+            created_at=time.time(),
+            estimate=min(size.seconds, float(spec.options.max_seconds)),
+            name=spec.name or None,
+            tags=tuple(spec.tags),
+        )
+        if key is None:
+            self._queue(record, body)
+            return record
+        job_id = self.claims.take(key, body, record.id)
+        if job_id != record.id:
+            return self.store.get(job_id)
+        try:
+            self._queue(record, body)
+        except Exception:
+            self.claims.release(key)
+            raise
+        self.claims.settle(key, body, record.id)
+        return record
+
+    def _queue(self, record: JobRecord, body: bytes) -> None:
+        # The record first: a worker may have the message before this process has its answer.
+        self.store.add(record, body)
+        try:
+            self.queue.enqueue(record.id, record.max_seconds)
+        except QueueUnavailable:
+            self.store.discard(record.id)
+            raise
+
+    def retry_after(self, record: JobRecord) -> int:
+        """Return after how many seconds it is worth asking for an active job again."""
+        seconds = record.estimate
+        if record.status is JobStatus.QUEUED:
+            slots = sum(self.queue.workers().values()) or 1
+            # Those ahead are unknown to us; they are taken to be like this one.
+            seconds *= 1 + self.queue.depth() / slots
+        elif record.started_at is not None:
+            seconds -= time.time() - record.started_at
+        return max(1, min(_LONGEST_RETRY, math.ceil(seconds)))
+
+    def result(self, job_id: str) -> bytes:
+        """Return the JSON text of a job's result; raises ServiceError while, or where, there is none."""
+        result = self.store.result(job_id)
+        if result is not None:
+            return result
+        record = self.store.get(job_id)
+        if not record.status.final:
+            detail = f"The job is {record.status}; its result can be read when its status is final."
+            raise ServiceError("not-ready", detail, headers={"Retry-After": str(self.retry_after(record))})
+        raise ServiceError("no-result", f"The job {record.status} without any iterate, so it has no result.")
+
+
+def check(body: bytes) -> tuple[JobSpec, ProblemSize]:
+    """Return the checked form of a document and its size; raises DocumentError with every fault."""
+    spec = check_document(parse_document(body))
+    return spec, problem_size(spec)
+
+
+def _service(request: Request) -> Service:
+    return cast(Service, request.app.state.service)
+
+
+Shared = Annotated[Service, Depends(_service)]
+"""The process's service, as a parameter of a route."""
