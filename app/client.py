@@ -1,0 +1,221 @@
+"""A client of a running service, synchronous and asynchronous.
+
+    with Client("http://127.0.0.1:8000") as client:
+        result = client.solve(document)
+
+What can be asked, with its arguments, stands once in `app.client_calls`; the two classes list it and differ
+only in how they carry it out.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import functools
+import time
+from collections.abc import AsyncIterator, Awaitable, Callable, Iterator
+from types import TracebackType
+from typing import Concatenate, ParamSpec, Self, TypeVar, Unpack
+
+import httpx
+
+from app import client_calls as calls
+from app.client_calls import (
+    Call,
+    ClientError,
+    Flow,
+    Job,
+    JobFailed,
+    JobFilters,
+    JobProgress,
+    RequestRefused,
+    ServerUnreachable,
+    WaitTimeout,
+)
+
+__all__ = [
+    "AsyncClient",
+    "Client",
+    "ClientError",
+    "Job",
+    "JobFailed",
+    "JobFilters",
+    "JobProgress",
+    "RequestRefused",
+    "ServerUnreachable",
+    "WaitTimeout",
+]
+
+P = ParamSpec("P")
+T = TypeVar("T")
+
+
+def _unreachable(error: httpx.TransportError, url: httpx.URL) -> ServerUnreachable:
+    return ServerUnreachable(f"no answer from {url}: {str(error) or type(error).__name__}")
+
+
+def _synchronous(make: Callable[P, Call[T] | Flow[T]]) -> Callable[Concatenate[Client, P], T]:
+    """The method of `Client` that carries out what ``make`` makes."""
+
+    @functools.wraps(make)
+    def method(self: Client, /, *args: P.args, **kwargs: P.kwargs) -> T:
+        return self._carry_out(make(*args, **kwargs))
+
+    return method
+
+
+def _asynchronous(
+    make: Callable[P, Call[T] | Flow[T]],
+) -> Callable[Concatenate[AsyncClient, P], Awaitable[T]]:
+    """The method of `AsyncClient` that carries out what ``make`` makes."""
+
+    @functools.wraps(make)
+    async def method(self: AsyncClient, /, *args: P.args, **kwargs: P.kwargs) -> T:
+        return await self._carry_out(make(*args, **kwargs))
+
+    return method
+
+
+class Client:
+    """A synchronous client of the service at ``url``, to be closed: best a context manager.
+
+    Every method raises `RequestRefused` with the service's problem document, and `ServerUnreachable`. A
+    refusal with status 429 or 503 is waited out as its Retry-After says, five times at most.
+    """
+
+    def __init__(self, url: str = "http://127.0.0.1:8000") -> None:
+        self._http = httpx.Client(base_url=url)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Close the connections."""
+        self._http.close()
+
+    def _send(self, call: Call[T]) -> T:
+        attempt = 0
+        while True:
+            try:
+                response = self._http.send(call.request(self._http))
+            except httpx.TransportError as error:
+                raise _unreachable(error, self._http.base_url) from error
+            if (pause := calls.pause_before_retry(response, attempt)) is None:
+                return call.finish(response)
+            time.sleep(pause)
+            attempt += 1
+
+    def _carry_out(self, wanted: Call[T] | Flow[T]) -> T:
+        if isinstance(wanted, Call):
+            return self._send(wanted)
+        try:
+            call = next(wanted)
+            while True:
+                try:
+                    answer = self._send(call)
+                except ClientError as error:
+                    call = wanted.throw(error)
+                else:
+                    call = wanted.send(answer)
+        except StopIteration as stop:
+            value: T = stop.value
+            return value
+
+    solve = _synchronous(calls.solve)
+    submit = _synchronous(calls.submit)
+    validate = _synchronous(calls.validate)
+    job = _synchronous(calls.job)
+    wait = _synchronous(calls.wait)
+    result = _synchronous(calls.result)
+    export = _synchronous(calls.export)
+    trajectory = _synchronous(calls.trajectory)
+    plot = _synchronous(calls.plot)
+    spec = _synchronous(calls.spec)
+    cancel = _synchronous(calls.cancel)
+    delete = _synchronous(calls.delete)
+    cases = _synchronous(calls.cases)
+    case = _synchronous(calls.case)
+
+    def jobs(self, **filters: Unpack[JobFilters]) -> Iterator[Job]:
+        """Iterate over all jobs that match, newest first, page after page of ``limit``."""
+        page = self._send(calls.first_page(filters))
+        yield from page.jobs
+        while page.next is not None:
+            page = self._send(calls.next_page(page))
+            yield from page.jobs
+
+
+class AsyncClient:
+    """The same client for asyncio: the methods of `Client`, awaited."""
+
+    def __init__(self, url: str = "http://127.0.0.1:8000") -> None:
+        self._http = httpx.AsyncClient(base_url=url)
+
+    async def __aenter__(self) -> Self:
+        return self
+
+    async def __aexit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        await self.close()
+
+    async def close(self) -> None:
+        """Close the connections."""
+        await self._http.aclose()
+
+    async def _send(self, call: Call[T]) -> T:
+        attempt = 0
+        while True:
+            try:
+                response = await self._http.send(call.request(self._http))
+            except httpx.TransportError as error:
+                raise _unreachable(error, self._http.base_url) from error
+            if (pause := calls.pause_before_retry(response, attempt)) is None:
+                return call.finish(response)
+            await asyncio.sleep(pause)
+            attempt += 1
+
+    async def _carry_out(self, wanted: Call[T] | Flow[T]) -> T:
+        if isinstance(wanted, Call):
+            return await self._send(wanted)
+        try:
+            call = next(wanted)
+            while True:
+                try:
+                    answer = await self._send(call)
+                except ClientError as error:
+                    call = wanted.throw(error)
+                else:
+                    call = wanted.send(answer)
+        except StopIteration as stop:
+            value: T = stop.value
+            return value
+
+    solve = _asynchronous(calls.solve)
+    submit = _asynchronous(calls.submit)
+    validate = _asynchronous(calls.validate)
+    job = _asynchronous(calls.job)
+    wait = _asynchronous(calls.wait)
+    result = _asynchronous(calls.result)
+    export = _asynchronous(calls.export)
+    trajectory = _asynchronous(calls.trajectory)
+    plot = _asynchronous(calls.plot)
+    spec = _asynchronous(calls.spec)
+    cancel = _asynchronous(calls.cancel)
+    delete = _asynchronous(calls.delete)
+    cases = _asynchronous(calls.cases)
+    case = _asynchronous(calls.case)
+
+    async def jobs(self, **filters: Unpack[JobFilters]) -> AsyncIterator[Job]:
+        """Iterate over all jobs that match, newest first, page after page of ``limit``."""
+        page = await self._send(calls.first_page(filters))
+        while True:
+            for job in page.jobs:
+                yield job
+            if page.next is None:
+                return
+            page = await self._send(calls.next_page(page))

@@ -1,0 +1,322 @@
+"""What a client asks of the service and how it reads the answers, without any input or output.
+
+A `Call` is one request with its reader; a `Flow` is a generator that yields calls, is sent what they
+return, and returns what the caller wants. `app.client` carries both out, synchronously or not.
+"""
+
+from __future__ import annotations
+
+import time
+import uuid
+from collections.abc import Callable, Generator, Iterable, Mapping
+from dataclasses import dataclass, field
+from typing import Any, Generic, Literal, TypedDict, TypeVar
+from urllib.parse import quote
+
+import httpx
+
+from solvers.errors import OndeletteError
+
+T = TypeVar("T")
+Document = Mapping[str, Any]
+FINAL = frozenset({"succeeded", "failed", "cancelled"})
+
+# Seconds of one long poll, and what the network may take besides.
+LONG_POLL = 30.0
+NETWORK = 30.0
+# A refusal with one of these is tried again so often at most, never after a longer pause than this (seconds).
+RETRY_STATUS = frozenset({429, 503})
+RETRIES = 5
+LONGEST_PAUSE = 30.0
+
+
+class JobProgress(TypedDict):
+    """The last report of a running job; ``fraction`` is an estimate in [0, 1]."""
+
+    stage: str
+    iteration: int
+    objective: float | None
+    infeasibility: float | None
+    fraction: float | None
+
+
+class Job(TypedDict):
+    """A job as the service tells it; times are RFC 3339 texts in UTC."""
+
+    id: str
+    name: str | None
+    tags: list[str]
+    status: Literal["queued", "running", "succeeded", "failed", "cancelled"]
+    method: str
+    created_at: str
+    started_at: str | None
+    finished_at: str | None
+    progress: JobProgress | None
+    error: dict[str, Any] | None
+    attempts: int
+    cancel_requested: bool
+    links: dict[str, str]
+
+
+class JobFilters(TypedDict, total=False):
+    """Which jobs to list, and how many on a page (``limit``)."""
+
+    status: str | None
+    method: str | None
+    tag: str | None
+    name: str | None
+    limit: int | None
+
+
+class ClientError(OndeletteError):
+    """Root of what a client raises."""
+
+
+class ServerUnreachable(ClientError):
+    """Nobody answers at the address, or not in time, or not to the end."""
+
+
+class RequestRefused(ClientError):
+    """The service refused a request; the members of its problem document (RFC 9457).
+
+    ``errors`` holds ``{"pointer", "detail"}`` for each mistake of a job document; ``type`` is a URI.
+    """
+
+    def __init__(self, status: int, problem: Mapping[str, Any]) -> None:
+        self.status = status
+        self.problem = dict(problem)
+        self.type = str(problem.get("type", "about:blank"))
+        self.title = str(problem.get("title", f"HTTP {status}"))
+        self.detail = str(problem.get("detail", ""))
+        self.errors: list[dict[str, str]] = list(problem.get("errors", ()))
+        super().__init__(f"{self.title}: {self.detail}" if self.detail else self.title)
+
+
+class JobFailed(ClientError):
+    """A job ended without any result to read; ``job`` says why."""
+
+    def __init__(self, job: Job) -> None:
+        self.job = job
+        reason = (job["error"] or {}).get("detail") or "there is no result"
+        super().__init__(f"job {job['id']} {job['status']}: {reason}")
+
+
+class WaitTimeout(ClientError):
+    """A job was not final in time; ``job`` is its last reading."""
+
+    def __init__(self, job: Job) -> None:
+        self.job = job
+        super().__init__(f"job {job['id']} is still {job['status']}")
+
+
+@dataclass(frozen=True, slots=True)
+class Call(Generic[T]):
+    """A request and the reader of its answer; ``seconds`` is what the service may take on purpose."""
+
+    method: str
+    path: str
+    read: Callable[[httpx.Response], T]
+    params: Mapping[str, str | int | float] = field(default_factory=dict)
+    headers: Mapping[str, str] = field(default_factory=dict)
+    json: object = None
+    seconds: float = 0.0
+
+    def request(self, client: httpx.Client | httpx.AsyncClient) -> httpx.Request:
+        """The request as ``client`` sends it."""
+        return client.build_request(
+            self.method,
+            self.path,
+            params=self.params or None,
+            headers=self.headers,
+            json=self.json,
+            timeout=NETWORK + self.seconds,
+        )
+
+    def finish(self, response: httpx.Response) -> T:
+        """Read the answer, or raise the refusal."""
+        if response.is_success:
+            return self.read(response)
+        try:
+            problem = response.json()
+        except ValueError:
+            problem = None
+        # Something between us and the service (a proxy) may refuse in words of its own.
+        raise RequestRefused(response.status_code, problem if isinstance(problem, dict) else {})
+
+
+Flow = Generator[Call[Any], Any, T]
+
+
+@dataclass(frozen=True, slots=True)
+class Page:
+    """A page of the list of jobs, and the address of the next one."""
+
+    jobs: list[Job]
+    next: str | None
+
+
+def pause_before_retry(response: httpx.Response, attempt: int) -> float | None:
+    """Seconds to wait before asking again, ``None`` when the answer is to be taken as it is."""
+    if response.status_code not in RETRY_STATUS or attempt >= RETRIES:
+        return None
+    try:
+        asked = float(response.headers["Retry-After"])
+    except (KeyError, ValueError):  # none, or a date
+        asked = 0.5 * 2**attempt
+    return asked if asked <= LONGEST_PAUSE else None
+
+
+def submit(document: Document, *, idempotency_key: str | None = None) -> Call[Job]:
+    """Queue a job document and return the job."""
+    # A key of our own lets the service recognise the document if it has to be sent twice.
+    key = idempotency_key or uuid.uuid4().hex
+    return Call("POST", "/v1/jobs", _json, json=document, headers={"Idempotency-Key": key})
+
+
+def validate(document: Document) -> Call[dict[str, Any]]:
+    """Check a document without queueing it; returns sizes and a time estimate."""
+    return Call("POST", "/v1/validate", _json, json=document)
+
+
+def job(job_id: str) -> Call[Job]:
+    """Read a job."""
+    return Call("GET", _of(job_id), _json)
+
+
+def wait(
+    job_id: str,
+    *,
+    timeout: float | None = None,
+    on_progress: Callable[[Job], object] | None = None,
+    every: float = 1.0,
+) -> Flow[Job]:
+    """Return the job when it is final.
+
+    ``timeout`` in seconds raises `WaitTimeout` (the job goes on); ``on_progress`` is shown the job every
+    ``every`` seconds.
+    """
+    deadline = None if timeout is None else time.monotonic() + timeout
+    poll = LONG_POLL if on_progress is None else every
+    while True:
+        left = poll if deadline is None else max(min(poll, deadline - time.monotonic()), 0.0)
+        current: Job = yield Call("GET", _of(job_id), _json, params={"wait": round(left, 3)}, seconds=left)
+        if on_progress is not None:
+            on_progress(current)
+        if current["status"] in FINAL:
+            return current
+        if deadline is not None and time.monotonic() >= deadline:
+            raise WaitTimeout(current)
+
+
+def solve(
+    document: Document,
+    *,
+    timeout: float | None = None,
+    on_progress: Callable[[Job], object] | None = None,
+    every: float = 1.0,
+) -> Flow[dict[str, Any]]:
+    """Submit a job document, wait, and return its result: look at its ``success``.
+
+    The other arguments are those of ``wait``. Raises `JobFailed` when the job ended without an iterate.
+    """
+    queued: Job = yield submit(document)
+    final = yield from wait(queued["id"], timeout=timeout, on_progress=on_progress, every=every)
+    try:
+        answer: dict[str, Any] = yield result(final["id"])
+    except RequestRefused as error:
+        if error.status == httpx.codes.NOT_FOUND:
+            raise JobFailed(final) from error
+        raise
+    return answer
+
+
+def result(job_id: str) -> Call[dict[str, Any]]:
+    """Read the result of a final job."""
+    return Call("GET", _of(job_id, "/result"), _json, headers={"Accept": "application/json"})
+
+
+def export(job_id: str, kind: Literal["csv", "npz", "mat"]) -> Call[bytes]:
+    """Read the result as a file: the sampled trajectory as CSV, or everything as NPZ or MAT."""
+    return Call("GET", _of(job_id, "/result"), _bytes, params={"format": kind})
+
+
+def trajectory(
+    job_id: str,
+    *,
+    samples: int | None = None,
+    times: Iterable[float] | None = None,
+    step: float | None = None,
+    derivatives: bool = False,
+) -> Call[dict[str, Any]]:
+    """Resample at ``samples`` equidistant points, at ``times``, or every ``step`` (in seconds)."""
+    params: dict[str, str | int | float] = {"derivatives": 1} if derivatives else {}
+    if samples is not None:
+        params["samples"] = samples
+    if times is not None:
+        params["t"] = ",".join(repr(float(instant)) for instant in times)
+    if step is not None:
+        params["dt"] = step
+    return Call("GET", _of(job_id, "/trajectory"), _json, params=params)
+
+
+def plot(job_id: str, kind: Literal["svg", "png"] = "svg") -> Call[bytes]:
+    """Draw states and controls over time."""
+    return Call("GET", _of(job_id, f"/plot.{kind}"), _bytes)
+
+
+def spec(job_id: str) -> Call[dict[str, Any]]:
+    """Read the document as it was submitted."""
+    return Call("GET", _of(job_id, "/spec"), _json)
+
+
+def cancel(job_id: str) -> Call[Job]:
+    """Ask that a job be stopped."""
+    return Call("POST", _of(job_id, "/cancel"), _json)
+
+
+def delete(job_id: str) -> Call[None]:
+    """Erase a final job."""
+    return Call("DELETE", _of(job_id), _nothing)
+
+
+def first_page(filters: JobFilters) -> Call[Page]:
+    """The first page of the jobs that match, newest first."""
+    params = {key: str(value) for key, value in filters.items() if value is not None}
+    return Call("GET", "/v1/jobs", _page, params=params)
+
+
+def next_page(page: Page) -> Call[Page]:
+    """The page after ``page``."""
+    assert page.next is not None
+    return Call("GET", page.next, _page)
+
+
+def cases() -> Call[list[dict[str, Any]]]:
+    """List the cases on board."""
+    return Call("GET", "/v1/cases", lambda response: list(response.json()["cases"]))
+
+
+def case(name: str) -> Call[dict[str, Any]]:
+    """Read the job document of a case."""
+    return Call("GET", f"/v1/cases/{quote(name, safe='')}", _json)
+
+
+def _of(job_id: str, part: str = "") -> str:
+    return f"/v1/jobs/{quote(job_id, safe='')}{part}"
+
+
+def _json(response: httpx.Response) -> Any:
+    return response.json()
+
+
+def _bytes(response: httpx.Response) -> bytes:
+    return response.content
+
+
+def _nothing(response: httpx.Response) -> None:
+    return None
+
+
+def _page(response: httpx.Response) -> Page:
+    following = response.links.get("next")
+    return Page(response.json()["jobs"], following["url"] if following else None)

@@ -1,0 +1,178 @@
+"""The whole service in one process tree: broker, worker, API; stopped in the reverse order."""
+
+from __future__ import annotations
+
+import contextlib
+import socket
+import sys
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from types import TracebackType
+from typing import IO, Self
+
+from app.embedded.binary import find_server
+from app.embedded.broker import DataDirectory, EmbeddedBroker
+from app.embedded.errors import ServiceStartError
+from app.embedded.supervisor import ChildSpec, Supervisor
+from worker.settings import WorkerSettings
+
+# How long each may take to stop, in seconds: the API drops waiting clients after 2 s, the broker writes its
+# file, and the worker has its setting for finishing or handing back its jobs, and this much more.
+API_GRACE, WORKER_MARGIN, BROKER_GRACE = 3.0, 2.5, 3.0
+BROKER_VARIABLE = "ONDELETTE_BROKER"
+
+
+@dataclass(frozen=True, slots=True)
+class ServiceOptions:
+    """What ``ondelette serve`` is asked for.
+
+    ``port`` 0 takes a free one; ``broker`` is the address of a running broker (then none is started and
+    ``data`` and ``binary`` are not used); ``output`` is where the processes write (default: where we write).
+    """
+
+    data: Path
+    host: str = "127.0.0.1"
+    port: int = 8000
+    workers: int | None = None
+    broker: str | None = None
+    binary: str | None = None
+    insecure: bool = False
+    output: IO[bytes] | None = None
+
+
+def bind(host: str, port: int) -> socket.socket:
+    """A listening socket; raises ``ServiceStartError`` where the address is taken or not ours."""
+    try:
+        family, kind, protocol, _, address = socket.getaddrinfo(
+            host, port, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE
+        )[0]
+        listener = socket.socket(family, kind, protocol)
+        listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        listener.bind(address)
+        listener.listen(2048)
+    except OSError as error:
+        raise ServiceStartError(
+            f"Cannot listen on {host} port {port}: {error.strerror}. Choose another --port "
+            "(0 takes a free one)."
+        ) from error
+    return listener
+
+
+def http_address(listener: socket.socket) -> str:
+    """The ``http://host:port`` under which ``listener`` is reached."""
+    host, port = listener.getsockname()[:2]
+    return f"http://[{host}]:{port}" if ":" in host else f"http://{host}:{port}"
+
+
+class EmbeddedService:
+    """A running service, to be used as a context manager.
+
+    The listening socket is opened here and inherited by the API process, so that a port in use is known at
+    once and clients wait, instead of being refused, while the API is started again. Raises
+    ``ServiceStartError`` on entering; whatever was started by then is stopped.
+    """
+
+    def __init__(self, options: ServiceOptions, say: Callable[[str], None]) -> None:
+        self._options = options
+        self._say = say
+        self._undo = contextlib.ExitStack()
+        self._supervisor: Supervisor
+        self.url: str
+
+    def __enter__(self) -> Self:
+        with contextlib.ExitStack() as undo:
+            self._start(undo)
+            self._undo = undo.pop_all()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._undo.close()
+
+    def _start(self, undo: contextlib.ExitStack) -> None:
+        options = self._options
+        listener = undo.enter_context(bind(options.host, options.port))
+        self.url = http_address(listener)
+        if options.broker is None:
+            address = self._start_broker(undo)
+        else:
+            address = options.broker
+            self._supervisor = Supervisor(self._say, options.output)
+            undo.callback(self._supervisor.stop)
+            self._say(f"broker   {_without_password(address)}")
+        environment = {BROKER_VARIABLE: address}
+        worker = ondelette("worker", *concurrency(options.workers))
+        grace = WorkerSettings().shutdown_seconds + WORKER_MARGIN
+        self._supervisor.start(ChildSpec("worker", worker, grace, environment))
+        descriptor = listener.fileno()
+        api = ondelette("api", "--fd", str(descriptor), *(["--insecure"] if options.insecure else []))
+        self._supervisor.start(ChildSpec("API", api, API_GRACE, environment, (descriptor,)))
+        self._wait_until_ready()
+
+    def _start_broker(self, undo: contextlib.ExitStack) -> str:
+        """Start the broker of our own and return its address."""
+        binary = find_server(self._options.binary)
+        data = DataDirectory(self._options.data)
+        undo.callback(data.close)
+        broker = EmbeddedBroker(binary, data)
+        undo.callback(broker.remove_socket)
+        self._supervisor = Supervisor(self._say, self._options.output, held=(data.lock,))
+        undo.callback(self._supervisor.stop)
+        self._say(f"broker   {binary} ({binary.path}), data in {data.path}")
+        if binary.warning is not None:
+            self._say(f"warning: {binary.warning}")
+        self._supervisor.start(ChildSpec("broker", broker.command, BROKER_GRACE))
+        broker.wait_until_ready(lambda: "broker" in self._supervisor.ended())
+        return broker.url
+
+    def _wait_until_ready(self, seconds: float = 45.0) -> None:
+        """Wait until ``/readyz`` says that the broker is reachable and a worker is alive."""
+        import httpx
+
+        deadline = time.monotonic() + seconds
+        with httpx.Client(base_url=self.url, timeout=5.0, trust_env=False) as client:
+            while True:
+                for name, code in self._supervisor.ended().items():
+                    raise ServiceStartError(f"{name} ended with code {code} while the service was starting.")
+                try:
+                    answer = client.get("/readyz")
+                except httpx.TransportError as error:
+                    reason = str(error)
+                else:
+                    if answer.is_success:
+                        return
+                    reason = answer.text
+                if time.monotonic() > deadline:
+                    raise ServiceStartError(f"The service was not ready after {seconds:g} s: {reason}")
+                time.sleep(0.05)
+
+    def poll(self) -> None:
+        """Look after the processes; to be called several times a second."""
+        self._supervisor.poll()
+
+    def pids(self) -> dict[str, int]:
+        """Process ids by name: ``broker`` (unless it is somebody else's), ``worker``, ``API``."""
+        return self._supervisor.pids()
+
+
+def ondelette(*arguments: str) -> list[str]:
+    """The command line of one of our own commands, by the interpreter that runs us."""
+    return [sys.executable, "-m", "app.cli", *arguments]
+
+
+def concurrency(workers: int | None) -> list[str]:
+    """The worker's option for ``workers`` jobs at a time; none leaves it to the worker."""
+    return [] if workers is None else ["--concurrency", str(workers)]
+
+
+def _without_password(address: str) -> str:
+    """``address`` as it may be shown."""
+    from urllib.parse import urlsplit
+
+    parts = urlsplit(address)
+    if parts.password is None:
+        return address
+    return parts._replace(netloc=parts.netloc.replace(f":{parts.password}@", ":***@")).geturl()
