@@ -11,6 +11,7 @@ from app.errors import PROBLEM_JSON
 from app.problems import PROBLEMS
 from solvers.spec import job_schema
 
+_DEFINITIONS = "#/$defs/"
 _SCHEMAS = "#/components/schemas/"
 
 DOCUMENT_BODY: dict[str, Any] = {
@@ -93,10 +94,9 @@ def _document(app: FastAPI) -> dict[str, Any]:
 def _relocated(schema: object) -> object:
     """Return a JSON Schema whose local definitions are looked for where OpenAPI keeps schemas."""
     if isinstance(schema, dict):
-        return {
-            key: value.replace("#/$defs/", _SCHEMAS) if key == "$ref" else _relocated(value)
-            for key, value in schema.items()
-        }
+        return {key: _relocated(value) for key, value in schema.items()}
     if isinstance(schema, list):
         return [_relocated(item) for item in schema]
+    if isinstance(schema, str) and schema.startswith(_DEFINITIONS):
+        return _SCHEMAS + schema.removeprefix(_DEFINITIONS)
     return schema

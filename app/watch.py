@@ -32,6 +32,7 @@ class StatusWatch:
         self._store = store
         self._settings = settings
         self._waiting: defaultdict[str, set[asyncio.Event]] = defaultdict(set)
+        self._deaf = False
 
     @contextlib.asynccontextmanager
     async def running(self) -> AsyncIterator[None]:
@@ -75,7 +76,11 @@ class StatusWatch:
             try:
                 await self._follow()
             except (RedisError, OSError) as error:
-                logger.warning("no messages from the broker (%s); looking at jobs every %g s", error, RECHECK)
+                if not self._deaf:
+                    logger.warning(
+                        "no messages from the broker (%s); looking at jobs every %g s", error, RECHECK
+                    )
+                self._deaf = True
                 await asyncio.sleep(_RECONNECT)
 
     async def _follow(self) -> None:
@@ -88,6 +93,9 @@ class StatusWatch:
                     # Silence for long may be a dead connection: an answer, or an error, tells.
                     await channel.ping()
                 elif message["type"] == "subscribe":
+                    if self._deaf:
+                        logger.warning("messages from the broker again")
+                    self._deaf = False
                     # Whatever changed while nobody listened is seen by a fresh look.
                     self._wake(list(self._waiting))
                 elif message["type"] == "message":

@@ -44,6 +44,7 @@ class StoreProgress:
         self._written: ProgressReport | None = None
         self._stop = threading.Event()
         self._asked_at: float | None = None
+        self._away = False
         self._done = threading.Event()
         self._thread = threading.Thread(target=self._watch, name=f"progress-{job_id}", daemon=True)
 
@@ -69,10 +70,13 @@ class StoreProgress:
         while not self._done.wait(self._period):
             try:
                 self._exchange()
+                self._away = False
             except RedisError as error:
-                logger.warning(
-                    "job %s: the store does not answer (%s); the solve goes on", self._job_id, error
-                )
+                if not self._away:
+                    logger.warning(
+                        "job %s: the store does not answer (%s); the solve goes on", self._job_id, error
+                    )
+                self._away = True
 
     def _exchange(self) -> None:
         latest = self._latest

@@ -36,7 +36,7 @@ async def submit(request: Request, service: Shared, body: Body, key: Key) -> Res
     wait = preferred_wait(request)
     if wait is not None:
         record = await service.watch.final(record.id, wait)
-    response = await run_in_threadpool(_answer, service, record, 202)
+    response = await _answered(service, record, 202)
     response.headers["Location"] = response.headers["Content-Location"] = f"/v1/jobs/{record.id}"
     if wait is not None:
         response.headers["Preference-Applied"] = f"wait={wait:g}"
@@ -101,7 +101,7 @@ async def job(
         record = await run_in_threadpool(service.store.get, job_id)
     if matches_etag(request, etag := _etag(record)):
         return Response(status_code=304, headers={"ETag": etag, "Cache-Control": "private, no-cache"})
-    return await run_in_threadpool(_answer, service, record, 200)
+    return await _answered(service, record, 200)
 
 
 @router.post(
@@ -122,6 +122,13 @@ def erase(service: Shared, job_id: str) -> None:
 def spec(service: Shared, job_id: str) -> Response:
     """Return the document as it was submitted."""
     return _json(service.store.document(job_id))
+
+
+async def _answered(service: Service, record: JobRecord, status: int) -> Response:
+    # Only for an active job is the broker asked (for Retry-After), and that is not to hold up the event loop.
+    if record.status.final:
+        return _answer(service, record, status)
+    return await run_in_threadpool(_answer, service, record, status)
 
 
 def _answer(service: Service, record: JobRecord, status: int) -> Response:

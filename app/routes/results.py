@@ -83,21 +83,30 @@ def trajectory(
 
 
 @router.get(
-    "/plot.{kind}",
-    responses={
-        200: {"content": {"image/svg+xml": {}, "image/png": {}}},
-        **refusals(404, 409, 410, 503),
-    },
+    "/plot.svg",
+    responses={200: {"content": {"image/svg+xml": {}}}, **refusals(404, 409, 410, 503)},
 )
-def plot(service: Shared, job_id: str, kind: Literal["svg", "png"]) -> Response:
+def plot_svg(service: Shared, job_id: str) -> Response:
     """Draw states and controls over time, with the switching times marked."""
+    return _plot(service, job_id, "svg", "image/svg+xml")
+
+
+@router.get(
+    "/plot.png",
+    responses={200: {"content": {"image/png": {}}}, **refusals(404, 409, 410, 503)},
+)
+def plot_png(service: Shared, job_id: str) -> Response:
+    """Draw the same picture as PNG."""
+    return _plot(service, job_id, "png", "image/png")
+
+
+def _plot(service: Service, job_id: str, kind: Literal["svg", "png"], media: str) -> Response:
     text = service.result(job_id)
     title = service.store.get(job_id).name or ""
     with _drawing:
         picture = render(json.loads(text), kind, title)
     # The picture styles itself inline and must not load or run anything.
     policy = "default-src 'none'; style-src 'unsafe-inline'; frame-ancestors 'self'"
-    media = "image/svg+xml" if kind == "svg" else "image/png"
     return Response(picture, media_type=media, headers={"Content-Security-Policy": policy})
 
 
