@@ -1,8 +1,8 @@
 """Fly a control: integrate the model over every arc at once, and join the arcs to one flight.
 
 An arc lies between two breakpoints of the control; on it everything is smooth. All arcs are integrated side
-by side in s in [0, 1] by one call of DOP853 (Hairer, Norsett, Wanner 1993, II.5). The whole flight is then the
-solution of y_(k+1) = Phi_k(y_k), found by Newton's method on all arcs together (multiple shooting; Stoer and
+by side in s in [0, 1] by one call of DOP853 (Hairer, Norsett, Wanner 1993, II.5). The whole flight is the
+solution of y_(k+1) = Phi_k(y_k), found by Newton's method on all arcs together (multiple shooting; Stoer,
 Bulirsch 1993, 7.3.5): a few batches instead of one long sequence of steps, with its linearised growth as a
 gift.
 """
@@ -28,7 +28,10 @@ RTOL = 1e-12
 _SMALLEST_RTOL = 2.5e-14
 _INSIDE = np.array([0.25, 0.5, 0.75, 1.0])
 _NEWTON_STEPS = 12
+_NEWTON_DONE = 1e-7
 _SAMPLES_PER_ARC = 16
+_TOUCHING = 1e-9
+_BISECTIONS = 45
 
 
 class FlightError(OndeletteError):
@@ -46,14 +49,10 @@ class Arcs:
 
 @dataclass(frozen=True)
 class Flight:
-    """One whole flight: ``states`` (n, K + 1) at the breakpoints, its running ``cost``.
-
-    ``growth``: the largest factor by which a small error on the way grows until the end, in scaled states.
-    """
+    """One whole flight: ``states`` (n, K + 1) at the breakpoints, its running ``cost``."""
 
     states: Vector
     cost: float
-    growth: float
 
 
 class ControlledModel:
@@ -95,6 +94,8 @@ class ControlledModel:
             return (duration * self._rate(flat.reshape(n + 1, count)[:n], tau)).ravel()
 
         start = np.vstack([starts, np.zeros((1, count))])
+        if not np.isfinite(rate(0.0, start.ravel())).all():
+            raise FlightError("the model has no finite rate at the start of an arc")
         # solve_ivp weighs errors by their mean square over all arcs: ask for more, so none is left behind.
         solution = solve_ivp(
             rate,
@@ -112,51 +113,11 @@ class ControlledModel:
             raise FlightError("the state is no longer finite")
         return Arcs(values[:n, :, -1], values[:n], values[n, :, -1])
 
-    def fly(self, guess: Vector) -> Flight:
-        """The whole flight from ``guess[:, 0]``; ``guess`` (n, K + 1) is close to it at the breakpoints.
+    def linearised(self, starts: Vector) -> tuple[Vector, Arcs]:
+        """All arcs from ``starts`` (n, K), and d(end)/d(start) of each by differences, (K, n, n).
 
         Raises :class:`FlightError` as :meth:`integrate` does.
         """
-        states = guess.copy()
-        every = np.arange(self.arcs)
-        for _ in range(_NEWTON_STEPS):
-            slopes, arcs = self._linearised(states[:, :-1])
-            gaps = arcs.ends - states[:, 1:]
-            step = _accumulate(slopes, gaps)
-            states[:, 1:] += step
-            if not np.isfinite(states).all():
-                break
-            if np.max(np.abs(step) / self._scale[:, None]) < 1e-7:
-                # Newton squares the error: one more pass of the arcs closes the gaps to rounding.
-                arcs = self.integrate(states[:, :-1], every)
-                states[:, 1:] += _accumulate(slopes, arcs.ends - states[:, 1:])
-                return Flight(states, float(arcs.costs.sum()), self._growth(slopes))
-        return self._march(guess[:, 0])
-
-    def _march(self, start: Vector) -> Flight:
-        """The flight arc after arc, where Newton's method fails."""
-        states, cost = [start], 0.0
-        for index in range(self.arcs):
-            arc = self.integrate(states[-1][:, None], np.array([index]))
-            states.append(arc.ends[:, 0])
-            cost += float(arc.costs[0])
-        flown = np.column_stack(states)
-        slopes, _ = self._linearised(flown[:, :-1])
-        return Flight(flown, cost, self._growth(slopes))
-
-    def _rate(self, states: Vector, tau: Vector) -> Vector:
-        """Rates of the states and of the running cost, (n + 1, len(tau))."""
-        problem = self._problem
-        scope = problem.scope(states, self.clipped(tau), self._trajectory.time(tau), problem.parameters)
-        with np.errstate(all="ignore"):
-            rates = problem.dynamics.rate(scope, NUMPY)
-            cost = (
-                0.0 if problem.running_cost is None else problem.running_cost.evaluate(scope, NUMPY.functions)
-            )
-        return np.array(np.broadcast_arrays(*rates, cost, tau)[:-1], np.float64)
-
-    def _linearised(self, starts: Vector) -> tuple[Vector, Arcs]:
-        """d(end)/d(start) of each arc by differences, (K, n, n), and the arcs themselves."""
         n, count = starts.shape
         offset = 1e-6 * self._scale
         bundle = np.concatenate([starts, *[starts + (offset * unit)[:, None] for unit in np.eye(n)]], axis=1)
@@ -166,7 +127,8 @@ class ControlledModel:
         own = Arcs(ends[:, 0], flown.inside[:, :count], flown.costs[:count])
         return np.moveaxis(slopes, -1, 0), own
 
-    def _growth(self, slopes: Vector) -> float:
+    def growth(self, slopes: Vector) -> float:
+        """The largest factor by which a small error on the way grows until the end, in scaled states."""
         scaled = slopes * (self._scale[None, None, :] / self._scale[None, :, None])
         product = np.eye(self._scale.size)
         growth = 1.0
@@ -179,21 +141,65 @@ class ControlledModel:
                 growth = max(growth, size)
         return growth
 
+    def fly(self, guess: Vector, slopes: Vector, arcs: Arcs) -> Flight:
+        """The whole flight from ``guess[:, 0]``.
+
+        ``guess`` (n, K + 1) is near it at the breakpoints; ``slopes`` and ``arcs``: its :meth:`linearised`.
+        Raises :class:`FlightError` as :meth:`integrate` does.
+        """
+        states = guess.copy()
+        for _ in range(_NEWTON_STEPS):
+            step = _accumulate(slopes, arcs.ends - states[:, 1:])
+            states[:, 1:] += step
+            if not np.isfinite(states).all():
+                break
+            if np.max(np.abs(step) / self._scale[:, None]) < _NEWTON_DONE:
+                # Newton's method squares the error: one more pass of the arcs closes the gaps to rounding.
+                arcs = self.integrate(states[:, :-1], np.arange(self.arcs))
+                states[:, 1:] += _accumulate(slopes, arcs.ends - states[:, 1:])
+                return Flight(states, float(arcs.costs.sum()))
+            slopes, arcs = self.linearised(states[:, :-1])
+        return self._march(guess[:, 0])
+
+    def _march(self, start: Vector) -> Flight:
+        """The flight arc after arc, where Newton's method fails."""
+        states, cost = [start], 0.0
+        for index in range(self.arcs):
+            arc = self.integrate(states[-1][:, None], np.array([index]))
+            states.append(arc.ends[:, 0])
+            cost += float(arc.costs[0])
+        return Flight(np.column_stack(states), cost)
+
+    def _rate(self, states: Vector, tau: Vector) -> Vector:
+        """Rates of the states and of the running cost, (n + 1, len(tau))."""
+        problem = self._problem
+        scope = problem.scope(states, self.clipped(tau), self._trajectory.time(tau), problem.parameters)
+        with np.errstate(all="ignore"):
+            rates = problem.dynamics.rate(scope, NUMPY)
+            cost = (
+                0.0 if problem.running_cost is None else problem.running_cost.evaluate(scope, NUMPY.functions)
+            )
+        return np.array(np.broadcast_arrays(*rates, cost, tau)[:-1], np.float64)
+
     def _crossings(self) -> Vector:
         """Where a control crosses a bound between breakpoints: the clipped control has a corner there."""
         breaks = self._trajectory.breakpoints
         fractions = np.linspace(0.0, 1.0, _SAMPLES_PER_ARC + 1)
         tau = np.append((breaks[:-1, None] + np.diff(breaks)[:, None] * fractions[:-1]).ravel(), 1.0)
         found = [np.zeros(0)]
-        for index, curve in enumerate(self._trajectory.controls.values()):
-            for bound in self.bounds[index]:
+        for curve, bounds in zip(self._trajectory.controls.values(), self.bounds, strict=True):
+            values = curve(tau)
+            # A control that rests on its bound touches it by rounding: only what leaves it has a corner.
+            slack = _TOUCHING * max(1.0, float(np.max(np.abs(values))))
+            for bound, sign in zip(bounds, (-1.0, 1.0), strict=True):
                 if np.isfinite(bound):
-                    above = curve(tau) > bound
-                    change = np.flatnonzero(above[1:] != above[:-1])
-                    low, high, side = tau[change], tau[change + 1], above[change]
-                    for _ in range(50):
+                    limit = sign * bound + slack
+                    outside = sign * values > limit
+                    change = np.flatnonzero(outside[1:] != outside[:-1])
+                    low, high, side = tau[change], tau[change + 1], outside[change]
+                    for _ in range(_BISECTIONS):
                         middle = 0.5 * (low + high)
-                        same = (curve(middle) > bound) == side
+                        same = (sign * curve(middle) > limit) == side
                         low, high = np.where(same, middle, low), np.where(same, high, middle)
                     found.append(0.5 * (low + high))
         crossings = np.concatenate(found)

@@ -96,14 +96,11 @@ class HermiteSimpson(Transcription):
             np.array([unknowns[block.start : block.stop] for block in blocks]).reshape(-1, self._tau.size)
             for blocks in (self._states, self._controls)
         )
-        rate = problem.rate(
-            list(states[:, ::2]),
-            list(controls[:, ::2]),
-            t0 + (tf - t0) * self.knots,
-            problem.parameters,
-            NUMPY,
-        )
+        times = t0 + (tf - t0) * self.knots
+        with np.errstate(all="ignore"):  # the last iterate of a failed solve may have no finite rate
+            rate = problem.rate(states[:, ::2], controls[:, ::2], times, problem.parameters, NUMPY)
         slopes = (tf - t0) * np.array(np.broadcast_arrays(*rate, self.knots)[:-1])
+        slopes[~np.isfinite(slopes)] = 0.0
         return Trajectory(
             t0,
             tf,

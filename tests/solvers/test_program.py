@@ -1,0 +1,118 @@
+"""The exact derivatives of the partially separable form, against differences of its own functions."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import casadi as ca
+import numpy as np
+import pytest
+
+from solvers.problem import OptimalControlProblem
+from solvers.program import NonlinearProgram, compile_program
+from solvers.scaling import automatic_scaling
+from solvers.spec import check_document
+from solvers.transcription.base import Transcription
+from solvers.transcription.gauss_pseudospectral import GaussPseudospectral
+from solvers.transcription.hermite_simpson import HermiteSimpson
+from solvers.transcription.spline_wavelet import SplineWavelet
+
+
+def transcribe(name: str, document: dict[str, Any]) -> Transcription:
+    problem = OptimalControlProblem.from_spec(check_document(document).problem)
+    common = (problem, automatic_scaling(problem), problem.guess)
+    match name:
+        case "swcm":
+            return SplineWavelet(*common, 5, 1)
+        case "gpm":
+            return GaussPseudospectral(*common, np.array([0.0, 0.4, 1.0]), 4)
+        case _:
+            return HermiteSimpson(*common, np.array([0.0, 0.3, 0.5, 1.0]))
+
+
+def with_everything(document: dict[str, Any]) -> dict[str, Any]:
+    """Add a running cost, path and boundary constraints and state bounds, all nonlinear where they can be."""
+    problem = document["problem"]
+    problem["objective"] = {"terminal": "tf^2 + cos(theta_f)*T_0", "running": "T^2*theta + sin(alpha_dot*t)"}
+    problem["path_constraints"] = [{"expression": "theta*T + alpha^2", "bounds": [-9, 9]}]
+    problem["boundary_constraints"] = [{"expression": "theta_0*theta_f + tf*T_f", "bounds": [None, 7]}]
+    problem["bounds"] |= {"alpha_dot": [-0.5, 0.4], "theta": [-2, 3]}
+    problem["initial_time"] = [0, 2]
+    return document
+
+
+@pytest.fixture(params=["swcm", "gpm", "hermite_simpson"])
+def program(request: pytest.FixtureRequest, flexible_spacecraft: dict[str, Any]) -> NonlinearProgram:
+    return transcribe(request.param, with_everything(flexible_spacecraft)).program()
+
+
+def point(program: NonlinearProgram, seed: int = 1) -> np.ndarray:
+    return program.initial + 0.1 * np.random.default_rng(seed).standard_normal(program.variables)
+
+
+def central_differences(function: ca.Function, w: np.ndarray, *rest: Any) -> np.ndarray:
+    """d(first output)/dw, column by column."""
+    columns = []
+    for unit in np.eye(w.size) * 1e-5:
+        ahead, behind = (np.asarray(function(w + s * unit, *rest)).ravel() for s in (1, -1))
+        columns.append((ahead - behind) / 2e-5)
+    return np.column_stack(columns)
+
+
+def test_jacobian_and_gradient_match_differences(program: NonlinearProgram) -> None:
+    compiled = compile_program(program)
+    w, p = point(program), program.numbers
+    rows = ca.Function("rows", [compiled.w, compiled.p], [compiled.constraints])
+    cost = ca.Function("cost", [compiled.w, compiled.p], [compiled.objective])
+    jacobian = np.asarray(compiled.jacobian(w, p)[1])
+    gradient = np.asarray(compiled.gradient(w, p)[1]).ravel()
+    np.testing.assert_allclose(jacobian, central_differences(rows, w, p), atol=1e-7, rtol=1e-6)
+    np.testing.assert_allclose(gradient, central_differences(cost, w, p).ravel(), atol=1e-7, rtol=1e-6)
+
+
+def test_hessian_matches_differences_of_the_lagrangian_gradient(program: NonlinearProgram) -> None:
+    compiled = compile_program(program)
+    w, p = point(program), program.numbers
+    multipliers = np.random.default_rng(2).standard_normal(program.constraints)
+    sigma = 0.7
+
+    def lagrangian_gradient(at: np.ndarray) -> np.ndarray:
+        slopes = sigma * np.asarray(compiled.gradient(at, p)[1]).ravel()
+        return slopes + np.asarray(compiled.jacobian(at, p)[1]).T @ multipliers
+
+    upper = np.asarray(compiled.hessian(w, p, sigma, multipliers))
+    hessian = upper + np.triu(upper, 1).T
+    np.testing.assert_allclose(hessian, central_differences(lagrangian_gradient, w), atol=1e-6, rtol=1e-5)
+    assert np.all(np.tril(upper, -1) == 0.0)
+
+
+def test_numbers_are_not_baked_into_the_graph(flexible_spacecraft: dict[str, Any]) -> None:
+    """The same compiled functions serve another stiffness: only the column of numbers changes."""
+    soft = transcribe("swcm", flexible_spacecraft).program()
+    flexible_spacecraft["problem"]["model"]["parameters"]["k"] = 150
+    stiff = transcribe("swcm", flexible_spacecraft).program()
+    compiled = compile_program(soft)
+    rows = ca.Function("rows", [compiled.w, compiled.p], [compiled.constraints])
+    own = compile_program(stiff)
+    own_rows = ca.Function("rows", [own.w, own.p], [own.constraints])
+    w = point(soft)
+    np.testing.assert_allclose(
+        np.asarray(rows(w, stiff.numbers)), np.asarray(own_rows(w, stiff.numbers)), rtol=1e-14
+    )
+    assert not np.allclose(np.asarray(rows(w, soft.numbers)), np.asarray(rows(w, stiff.numbers)))
+
+
+def test_scaling_changes_units_and_nothing_else(program: NonlinearProgram) -> None:
+    generator = np.random.default_rng(3)
+    variables = generator.uniform(0.1, 10, program.variables)
+    row_scale = generator.uniform(0.1, 10, program.constraints)
+    scaled = program.scaled(variables, row_scale, 5.0)
+    w = point(program)
+    plain, other = compile_program(program), compile_program(scaled)
+    objective, slope = plain.gradient(w, program.numbers)
+    scaled_objective, scaled_slope = other.gradient(w / variables, scaled.numbers)
+    rows, _ = plain.jacobian(w, program.numbers)
+    scaled_rows, _ = other.jacobian(w / variables, scaled.numbers)
+    np.testing.assert_allclose(float(scaled_objective), 5.0 * float(objective))
+    np.testing.assert_allclose(np.asarray(scaled_slope).ravel(), 5.0 * np.asarray(slope).ravel() * variables)
+    np.testing.assert_allclose(np.asarray(scaled_rows).ravel(), np.asarray(rows).ravel() * row_scale)
