@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import islice
 from typing import Any
 
 from pydantic import ValidationError
@@ -33,7 +34,7 @@ def check_document(document: object) -> JobSpec:
     try:
         spec = JobSpec.model_validate(document, context=scope)
     except ValidationError as error:
-        faults.extend(translate(error, scope))
+        faults.extend(islice(translate(error, scope), MAX_FAULTS))
     faults.extend(cross_check(scope).faults())
     if spec is None or faults:
         raise DocumentError(list(dict.fromkeys(faults))[:MAX_FAULTS])

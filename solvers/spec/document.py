@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+from collections import Counter
 from collections.abc import Iterable
 from typing import Any
 
@@ -55,8 +56,8 @@ def _object(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     plain = dict(pairs)
     if len(plain) == len(pairs):
         return plain
-    repeated, keys = _Repeated(plain), [key for key, _ in pairs]
-    repeated.keys_twice = [key for key in plain if keys.count(key) > 1]
+    repeated = _Repeated(plain)
+    repeated.keys_twice = [key for key, times in Counter(key for key, _ in pairs).items() if times > 1]
     return repeated
 
 
@@ -94,9 +95,12 @@ def walk(document: object, flaws: Flaws) -> None:
             continue
         else:
             children = enumerate(value)
-        for place, child in children:
-            if isinstance(child, dict | list) or _flaw(child):
-                waiting.append((child, (*path, place)))
+        later = [
+            (child, (*path, place))
+            for place, child in children
+            if isinstance(child, dict | list) or _flaw(child)
+        ]
+        waiting.extend(reversed(later))  # the last is taken first: places come in the order of the document
 
 
 def _all_finite(items: list[Any]) -> bool:

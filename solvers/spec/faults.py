@@ -13,11 +13,15 @@ from solvers.errors import Fault, FaultType
 Path = tuple[str | int, ...]
 
 MAX_FAULTS = 1000
+_LONGEST_KEY = 300
 
 
 def pointer(path: Iterable[str | int]) -> str:
-    """Return the JSON pointer (RFC 6901) of a place in a document; what UTF-8 cannot hold is escaped."""
-    parts = (str(part).replace("~", "~0").replace("/", "~1") for part in path)
+    """Return the JSON pointer (RFC 6901) of a place in a document; what UTF-8 cannot hold is escaped.
+
+    A key of more than 300 characters, which no document needs, is cut.
+    """
+    parts = (str(part)[:_LONGEST_KEY].replace("~", "~0").replace("/", "~1") for part in path)
     return "".join(f"/{part}" for part in parts).encode("utf-8", "backslashreplace").decode()
 
 

@@ -6,6 +6,7 @@ context, which `solvers.spec.check_document` provides.
 
 from __future__ import annotations
 
+from copy import deepcopy
 from dataclasses import dataclass
 from typing import Annotated, Any
 
@@ -45,7 +46,7 @@ class Check:
         return core_schema.with_info_plain_validator_function(validate)
 
     def __get_pydantic_json_schema__(self, core: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
-        return self.schema()
+        return deepcopy(self.schema())  # pydantic writes into it
 
 
 @dataclass(frozen=True)

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Annotated, Any, Self
 
-from pydantic import Field, model_validator
+from pydantic import BeforeValidator, Field, model_validator
 
 from solvers.spec.base import SpecModel
 from solvers.spec.faults import refuse
@@ -24,6 +24,8 @@ from solvers.spec.scope import Scope
 from solvers.spec.tables import BoundTable, UnitTable
 from solvers.spec.values import FREE, BoundValue, Interval, Value, bound_interval, evaluate_constant
 
+MAX_CONSTRAINTS = 1000
+
 Name = Annotated[str, Text(200)]
 Constant = Annotated[Value, ExpressionIn("constant")]
 Ends = Annotated[dict[str, BoundValue], BoundTable("state", star=True)]
@@ -38,6 +40,15 @@ class WholeSpan(Unsupported):
         """Refuse a part of the span."""
         if value != [0, 1]:
             super().check(value, scope)
+
+
+def _few(value: Any) -> Any:
+    if isinstance(value, list) and len(value) > MAX_CONSTRAINTS:
+        raise refuse(f"limit: at most {MAX_CONSTRAINTS:,} constraints, not {len(value):,}", type="limit")
+    return value
+
+
+AtMost = BeforeValidator(_few)
 
 
 class PathConstraint(SpecModel):
@@ -127,9 +138,9 @@ class ProblemSpec(SpecModel):
     """State -> bound at tf; states that are not named are free."""
     bounds: Annotated[dict[str, BoundValue], BoundTable("state or control")] = Field(default_factory=dict)
     """State or control -> bound along the trajectory."""
-    path_constraints: list[PathConstraint] = Field(default_factory=list)
+    path_constraints: Annotated[list[PathConstraint], AtMost] = Field(default_factory=list)
     """Constraints along the trajectory."""
-    boundary_constraints: list[BoundaryConstraint] = Field(default_factory=list)
+    boundary_constraints: Annotated[list[BoundaryConstraint], AtMost] = Field(default_factory=list)
     """Constraints on both ends together."""
     objective: Objective
     """What is minimised."""

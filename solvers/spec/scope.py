@@ -142,13 +142,14 @@ def _read_parameters(scope: Scope, table: Mapping[str, Any]) -> None:
 def _read_parameter(scope: Scope, name: str, value: float | str, earlier: set[str]) -> None:
     flaws = scope.parameter_flaws
     try:
-        unknown = parse(value).undefined(earlier) if isinstance(value, str) else []
-        for other in unknown:
+        expression = parse(value)
+        for other in expression.undefined(earlier):
+            where = f" (at character {expression.positions[other] + 1})"
             if other in scope.parameter_names:
-                flaws.add(f"{quoted(other)} comes later; a parameter may use earlier ones only", name)
+                flaws.add(f"{quoted(other)} comes later; a parameter may use earlier ones only{where}", name)
             else:
-                flaws.add(f"unknown name {quoted(other)}{scope.suggest(other, earlier)}", name)
-        if not isinstance(value, str) or parse(value).names <= scope.parameters.keys():
+                flaws.add(f"unknown name {quoted(other)}{scope.suggest(other, earlier)}{where}", name)
+        if expression.names <= scope.parameters.keys():
             scope.parameters[name] = evaluate_constant(value, scope.parameters)
     except ExpressionError as error:
         flaws.add(str(error), name, type="limit" if isinstance(error, ExpressionLimitError) else "invalid")
