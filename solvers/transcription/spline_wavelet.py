@@ -20,6 +20,7 @@ from __future__ import annotations
 
 from collections.abc import Collection
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -74,11 +75,11 @@ class SplineWavelet(Transcription):
 
     def nodes(self) -> Instants:
         """The knots."""
-        return self._instants(self.space.knots)
+        return self._at_points if self._mechanical is not None else self._instants(self.space.knots)
 
     def path_instants(self) -> Instants:
         """The collocation points."""
-        return self._instants(self.points)
+        return self._at_points
 
     def quadrature(self) -> tuple[Instants, Vector]:
         """Second order: Simpson on each interval. First order: the weights of the collocation points.
@@ -86,7 +87,7 @@ class SplineWavelet(Transcription):
         The latter satisfy w D1 = e(tf) - e(t0).
         """
         if self._mechanical is None:
-            return self._instants(self.points), self.space.quadrature_weights(1)
+            return self._at_points, self.space.quadrature_weights(1)
         knots = self.space.knots
         points = np.empty(2 * knots.size - 1)
         points[::2], points[1::2] = knots, (knots[1:] + knots[:-1]) / 2
@@ -99,16 +100,16 @@ class SplineWavelet(Transcription):
 
     def constrain_dynamics(self) -> None:
         """Second order: M q'' + C q' + K q - G u - f = 0. First order: x' - f = 0."""
-        instants = self._instants(self.points)
+        instants = self._at_points
         if self._mechanical is not None:
             symbols = NodeSymbols(self.problem, self.per_tau, self._splines)
             residual = self._mechanical.residual(symbols.accelerations, symbols.scope, CASADI)
-            second = [self._spline_rows(i, self.points, 2) for i in range(self._splines)]
-            places = self.apply(symbols.function("residual", residual), instants, second)
+            accelerations = self._spline_rows(self.points, 2)
+            places = self.apply(symbols.function("residual", residual), instants, accelerations)
             scale = np.tile(self._residual_scale(), self.points.size)
             self.builder.constrain(0.0, 0.0, scale=scale, places=places)
             return
-        slopes = [self._spline_rows(i, self.points, 1) for i in range(self._splines)]
+        slopes = self._spline_rows(self.points, 1)
         self.add_defects(
             slopes, self.apply_rate(instants), -sparse.csr_array(sparse.eye_array(self.points.size))
         )
@@ -139,14 +140,22 @@ class SplineWavelet(Transcription):
             nodes=self.points,
         )
 
+    @cached_property
+    def _at_points(self) -> Instants:
+        """The collocation points; for equations of second order these are the knots."""
+        return self._instants(self.points)
+
     def _instants(self, tau: Vector) -> Instants:
-        states = [self._spline_rows(i, tau, 0) for i in range(self._splines)]
-        states += [self._spline_rows(i - self._splines, tau, 1) for i in self.per_tau]
+        states = self._spline_rows(tau, 0)
+        if self._mechanical is not None:
+            states += self._spline_rows(tau, 1)
         hats = _hat_functions(self.points, tau)
         return Instants(tau, states, [self.builder.rows_of(block, hats) for block in self._controls])
 
-    def _spline_rows(self, index: int, tau: Vector, derivative: int) -> sparse.csr_array:
-        return self.builder.rows_of(self._coefficients[index], self.space.matrix(tau, derivative))
+    def _spline_rows(self, tau: Vector, derivative: int) -> list[sparse.csr_array]:
+        """Rows of the derivative of each spline with respect to tau."""
+        matrix = self.space.matrix(tau, derivative)
+        return [self.builder.rows_of(block, matrix) for block in self._coefficients]
 
     def _residual_scale(self) -> Vector:
         """The largest inertial term of each equation when the coordinates move by their scales."""

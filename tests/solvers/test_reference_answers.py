@@ -84,7 +84,7 @@ def test_polynomial_controls_leave_their_bounds_between_nodes_and_are_not_called
 def test_the_returned_command_steers_an_independent_integration_to_the_target(
     flexible_spacecraft: dict[str, Any],
 ) -> None:
-    """The linear control of 131 points, flown by a plain loop over its intervals with the printed equations."""
+    """The linear control of 131 points, flown by a plain loop over its intervals."""
     trajectory = answer(flexible_spacecraft, name="swcm").trajectory
     Jb, R, m, L, k = 440.0, 2.5, 10.0, 5.0, 100.0
     tau = trajectory.breakpoints

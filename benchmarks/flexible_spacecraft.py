@@ -1,0 +1,139 @@
+"""The flexible-spacecraft slew: build and solve against a hand-written CasADi Hermite-Simpson, and scaling.
+
+Both run in this one warm process, in turn, on the same bounds, guess and tolerance; a ratio below 1 means
+that ondelette is faster. Verification is not part of the times.
+"""
+
+from __future__ import annotations
+
+import os
+
+os.environ.setdefault("OMP_NUM_THREADS", "1")
+
+import statistics
+import time
+from collections.abc import Callable
+
+import casadi as ca
+import numpy as np
+
+from solvers.catalogue import load_case
+from solvers.solve import solve
+from solvers.spec import check_document
+
+MINIMUM_TIME = 25.866100388133
+PAIRS = 11
+SCALING_RUNS = 3
+
+
+def hand_written(points: int) -> float:
+    """Build and solve Hermite-Simpson as one writes it by hand: an MX graph, expanded. Returns t_f."""
+    jb, r, m, length, k = 440.0, 2.5, 10.0, 5.0, 100.0
+    intervals = (points - 1) // 2
+    x, u = ca.MX.sym("x", 4), ca.MX.sym("u")
+    _, alpha, theta_dot, alpha_dot = ca.vertsplit(x)
+    m11 = jb + 2 * m * (r * r + length * length + 2 * r * length * ca.cos(alpha))
+    m12 = 2 * m * (length * length + r * length * ca.cos(alpha))
+    m22 = 2 * m * length * length
+    sine = 2 * m * r * length * ca.sin(alpha)
+    load1 = u + sine * alpha_dot * theta_dot + sine * (theta_dot + alpha_dot) * alpha_dot
+    load2 = -sine * theta_dot * theta_dot - 2 * k * alpha
+    determinant = m11 * m22 - m12 * m12
+    acceleration = ca.vertcat(
+        (m22 * load1 - m12 * load2) / determinant, (m11 * load2 - m12 * load1) / determinant
+    )
+    f = ca.Function("f", [x, u], [ca.vertcat(theta_dot, alpha_dot, acceleration)])
+    states, controls, duration = ca.MX.sym("X", 4, points), ca.MX.sym("U", points), ca.MX.sym("T")
+    rates = f.map(points)(states, controls.T)
+    h = duration / intervals
+    left, middle, right = slice(0, points - 2, 2), slice(1, points - 1, 2), slice(2, points, 2)
+    hermite = (
+        states[:, middle]
+        - (states[:, left] + states[:, right]) / 2
+        - h / 8 * (rates[:, left] - rates[:, right])
+    )
+    simpson = (
+        states[:, right] - states[:, left] - h / 6 * (rates[:, left] + 4 * rates[:, middle] + rates[:, right])
+    )
+    program = {
+        "x": ca.vertcat(ca.vec(states), controls, duration),
+        "f": duration,
+        "g": ca.vertcat(ca.vec(hermite), ca.vec(simpson)),
+    }
+    options = {
+        "expand": True,
+        "print_time": False,
+        "ipopt.print_level": 0,
+        "ipopt.sb": "yes",
+        "ipopt.tol": 1e-8,
+    }
+    solver = ca.nlpsol("hand_written", "ipopt", program, options)
+    lower, upper = np.full(5 * points + 1, -np.inf), np.full(5 * points + 1, np.inf)
+    lower[4 * points : -1], upper[4 * points : -1] = -5, 5
+    lower[-1], upper[-1] = 1, 100
+    target = [np.pi / 6, 0, 0, 0]
+    lower[:4] = upper[:4] = 0
+    lower[4 * points - 4 : 4 * points] = upper[4 * points - 4 : 4 * points] = target
+    guess = np.zeros(5 * points + 1)
+    guess[: 4 * points] = np.outer(np.linspace(0, 1, points), target).ravel()
+    guess[-1] = 30
+    return float(solver(x0=guess, lbx=lower, ubx=upper, lbg=0, ubg=0)["f"])
+
+
+def ondelette(level: int) -> tuple[float, float]:
+    """Build and solve by spline wavelets on this level. Returns t_f and the seconds of both."""
+    document = load_case("flexible_spacecraft")
+    document["method"] = {"name": "swcm", "L": 8, "J": level}
+    solution = solve(check_document(document))
+    seconds = solution.statistics.seconds
+    return solution.objective, seconds["build"] + seconds["solve"]
+
+
+def timed(call: Callable[[], float]) -> tuple[float, float]:
+    """The value of a call and the seconds that it took."""
+    started = time.perf_counter()
+    value = call()
+    return value, time.perf_counter() - started
+
+
+def against_hand_written() -> None:
+    """Print the comparison at the same numbers of points."""
+    print(
+        f"Build + solve, warm process, medians of {PAIRS} interleaved pairs; reference t_f {MINIMUM_TIME}\n"
+    )
+    print("| N | Hermite-Simpson by hand, s | error | SWCM, s | error | ratio (min..max) |")
+    print("|---|---|---|---|---|---|")
+    for level in (4, 5):
+        points = 8 * 2**level + 3
+        hand_written(points)
+        ondelette(level)
+        pairs = [(timed(lambda points=points: hand_written(points)), ondelette(level)) for _ in range(PAIRS)]
+        theirs, ours = (statistics.median(pair[side][1] for pair in pairs) for side in (0, 1))
+        ratios = sorted(own[1] / hand[1] for hand, own in pairs)
+        print(
+            f"| {points} | {theirs:.3f} | {abs(pairs[0][0][0] - MINIMUM_TIME):.1e} "
+            f"| {ours:.3f} | {abs(pairs[0][1][0] - MINIMUM_TIME):.1e} "
+            f"| {statistics.median(ratios):.2f} ({ratios[0]:.2f}..{ratios[-1]:.2f}) |"
+        )
+
+
+def scaling() -> None:
+    """Print how the time grows with the number of points."""
+    print("\nSWCM, build + solve, growth with N\n")
+    print("| N | s | error | exponent from N = 259 |")
+    print("|---|---|---|---|")
+    first = None
+    for level in (5, 6, 7, 8, 9):
+        points = 8 * 2**level + 3
+        runs = [ondelette(level) for _ in range(SCALING_RUNS)]
+        seconds = statistics.median(run[1] for run in runs)
+        first = first or (points, seconds)
+        exponent = (
+            "" if points == first[0] else f"{np.log(seconds / first[1]) / np.log(points / first[0]):.2f}"
+        )
+        print(f"| {points} | {seconds:.3f} | {abs(runs[0][0] - MINIMUM_TIME):.1e} | {exponent} |")
+
+
+if __name__ == "__main__":
+    against_hand_written()
+    scaling()
