@@ -72,9 +72,12 @@ def parse(text: str | float) -> Expression:
     """
     if isinstance(text, str):
         return _Parser(text).run()
-    value = float(text)
+    try:
+        value = float(text)
+    except OverflowError:
+        value = math.inf
     if not math.isfinite(value):
-        raise ExpressionError("a number must be finite", 0)
+        raise ExpressionError("a number must be finite (about 1.8e308 is the largest)", 0)
     return Expression(repr(value), {}, 0, ((Code.NUMBER, value),))
 
 
