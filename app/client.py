@@ -27,6 +27,7 @@ from app.client_calls import (
     JobFailed,
     JobFilters,
     JobProgress,
+    Patience,
     RequestRefused,
     ServerUnreachable,
     WaitTimeout,
@@ -98,16 +99,17 @@ class Client:
         self._http.close()
 
     def _send(self, call: Call[T]) -> T:
-        attempt = 0
+        patience = Patience()
         while True:
             try:
                 response = self._http.send(call.request(self._http))
             except httpx.TransportError as error:
+                if patience.repeat_after(error):
+                    continue
                 raise _unreachable(error, self._http.base_url) from error
-            if (pause := calls.pause_before_retry(response, attempt)) is None:
+            if (pause := patience.pause_after(response)) is None:
                 return call.finish(response)
             time.sleep(pause)
-            attempt += 1
 
     def _carry_out(self, wanted: Call[T] | Flow[T]) -> T:
         if isinstance(wanted, Call):
@@ -168,16 +170,17 @@ class AsyncClient:
         await self._http.aclose()
 
     async def _send(self, call: Call[T]) -> T:
-        attempt = 0
+        patience = Patience()
         while True:
             try:
                 response = await self._http.send(call.request(self._http))
             except httpx.TransportError as error:
+                if patience.repeat_after(error):
+                    continue
                 raise _unreachable(error, self._http.base_url) from error
-            if (pause := calls.pause_before_retry(response, attempt)) is None:
+            if (pause := patience.pause_after(response)) is None:
                 return call.finish(response)
             await asyncio.sleep(pause)
-            attempt += 1
 
     async def _carry_out(self, wanted: Call[T] | Flow[T]) -> T:
         if isinstance(wanted, Call):

@@ -155,20 +155,36 @@ class Page:
     next: str | None
 
 
-def pause_before_retry(response: httpx.Response, attempt: int) -> float | None:
-    """Seconds to wait before asking again, ``None`` when the answer is to be taken as it is."""
-    if response.status_code not in RETRY_STATUS or attempt >= RETRIES:
-        return None
-    try:
-        asked = float(response.headers["Retry-After"])
-    except (KeyError, ValueError):  # none, or a date
-        asked = 0.5 * 2**attempt
-    return asked if asked <= LONGEST_PAUSE else None
+@dataclass(slots=True)
+class Patience:
+    """How one request bears refusals for the moment and lost connections: both have their end.
+
+    Every request may be repeated: submitting carries a key by which the service knows it again.
+    """
+
+    refusals: int = 0
+    losses: int = 0
+
+    def repeat_after(self, error: httpx.TransportError) -> bool:
+        """Whether to ask again at once: a connection that was kept open may have died since, once."""
+        self.losses += 1
+        lost = isinstance(error, httpx.ReadError | httpx.WriteError | httpx.RemoteProtocolError)
+        return lost and self.losses == 1
+
+    def pause_after(self, response: httpx.Response) -> float | None:
+        """Seconds after which to ask again, ``None`` when the answer is to be taken as it is."""
+        if response.status_code not in RETRY_STATUS or self.refusals >= RETRIES:
+            return None
+        try:
+            asked = float(response.headers["Retry-After"])
+        except (KeyError, ValueError):  # none, or a date
+            asked = 0.5 * 2**self.refusals
+        self.refusals += 1
+        return asked if asked <= LONGEST_PAUSE else None
 
 
 def submit(document: Document, *, idempotency_key: str | None = None) -> Call[Job]:
     """Queue a job document and return the job."""
-    # A key of our own lets the service recognise the document if it has to be sent twice.
     key = idempotency_key or uuid.uuid4().hex
     return Call("POST", "/v1/jobs", _json, json=document, headers={"Idempotency-Key": key})
 

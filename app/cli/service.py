@@ -5,6 +5,7 @@ from __future__ import annotations
 import ipaddress
 import signal
 import socket
+import sys
 import time
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
@@ -160,6 +161,9 @@ def api(host: str, port: int, broker: str | None, insecure: bool, fd: int | None
 
     from app.main import create_app
 
+    # uvicorn stops in order at a signal and then raises it again; asked to stop is no failure.
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, lambda *_: sys.exit(ExitCode.SUCCESS))
     # Whoever waits on a long poll is let go after 2 s, so that stopping is quick.
     config = uvicorn.Config(
         create_app(settings), access_log=False, server_header=False, timeout_graceful_shutdown=2

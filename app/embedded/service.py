@@ -20,7 +20,7 @@ from worker.settings import WorkerSettings
 
 # How long each may take to stop, in seconds: the API drops waiting clients after 2 s, the broker writes its
 # file, and the worker has its setting for finishing or handing back its jobs, and this much more.
-API_GRACE, WORKER_MARGIN, BROKER_GRACE = 3.0, 2.5, 3.0
+API_GRACE, WORKER_MARGIN, BROKER_GRACE = 3.0, 3.5, 3.0
 BROKER_VARIABLE = "ONDELETTE_BROKER"
 
 
@@ -45,24 +45,22 @@ class ServiceOptions:
 def bind(host: str, port: int) -> socket.socket:
     """A listening socket; raises ``ServiceStartError`` where the address is taken or not ours."""
     try:
-        family, kind, protocol, _, address = socket.getaddrinfo(
-            host, port, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE
+        family, _, _, _, address = socket.getaddrinfo(
+            host or None, port, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE
         )[0]
-        listener = socket.socket(family, kind, protocol)
-        listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-        listener.bind(address)
-        listener.listen(2048)
+        return socket.create_server(address, family=family, backlog=2048)
     except OSError as error:
         raise ServiceStartError(
             f"Cannot listen on {host} port {port}: {error.strerror}. Choose another --port "
             "(0 takes a free one)."
         ) from error
-    return listener
 
 
 def http_address(listener: socket.socket) -> str:
-    """The ``http://host:port`` under which ``listener`` is reached."""
+    """The ``http://host:port`` under which ``listener`` is reached from this machine."""
     host, port = listener.getsockname()[:2]
+    # A socket bound to every address is reached by the loopback one.
+    host = {"0.0.0.0": "127.0.0.1", "::": "::1"}.get(host, host)  # noqa: S104 - compared, not bound
     return f"http://[{host}]:{port}" if ":" in host else f"http://{host}:{port}"
 
 

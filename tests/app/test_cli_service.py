@@ -1,0 +1,246 @@
+"""``ondelette serve``, ``api``, ``worker`` as processes: they start, answer, survive deaths and stop."""
+
+from __future__ import annotations
+
+import os
+import re
+import signal
+import socket
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import httpx
+import pytest
+from click.testing import CliRunner
+
+from app.cli import main
+from app.cli.service import is_loopback
+from app.client import Client, ServerUnreachable
+from app.embedded.broker import DataDirectory
+from app.embedded.errors import ServiceStartError
+from tests.bad_documents import FLEXIBLE_SPACECRAFT, changed
+
+
+@contextmanager
+def serving(*arguments: str | Path) -> Iterator[tuple[subprocess.Popen[str], str]]:
+    """``ondelette serve`` on a free port: its process and its address. Stopped by Ctrl-C."""
+    command = [
+        sys.executable,
+        "-m",
+        "app.cli",
+        "serve",
+        "--port",
+        "0",
+        "--workers",
+        "1",
+        *map(str, arguments),
+    ]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True) as process:
+        assert process.stdout is not None
+        said = ""
+        while (address := re.search(r"^API +(\S+)", said, re.MULTILINE)) is None:
+            line = process.stdout.readline()
+            assert line, f"it ended: {said}"
+            said += line
+        try:
+            yield process, address.group(1)
+        finally:
+            if process.poll() is None:
+                process.send_signal(signal.SIGINT)
+            process.wait(20)
+
+
+def processes_of(data: Path) -> dict[int, str]:
+    """Command lines, by process id, of all processes that were started for the service in ``data``.
+
+    The broker names the folder; the others are told the broker's address by their environment.
+    """
+    found = {}
+    for folder in Path("/proc").iterdir():
+        if folder.name.isdigit() and int(folder.name) != os.getpid():
+            try:
+                words = (folder / "cmdline").read_bytes()
+                if words and str(data).encode() in words + (folder / "environ").read_bytes():
+                    found[int(folder.name)] = words.replace(b"\0", b" ").decode()
+            except (FileNotFoundError, ProcessLookupError, PermissionError):
+                continue
+    return found
+
+
+def wait_until_gone(data: Path, seconds: float) -> None:
+    deadline = time.monotonic() + seconds
+    while left := processes_of(data):
+        assert time.monotonic() < deadline, left
+        time.sleep(0.05)
+
+
+def pid_of(data: Path, words: str) -> int:
+    """The oldest process whose command line contains ``words`` (the parent of those that are forked)."""
+    return min(pid for pid, command in processes_of(data).items() if words in command)
+
+
+def test_a_service_solves_stops_at_ctrl_c_and_remembers(tmp_path: Path) -> None:
+    data = tmp_path / "data"
+    with serving("--data", data) as (process, url), Client(url) as client:
+        assert client.solve(FLEXIBLE_SPACECRAFT, timeout=30)["success"] is True
+        started = time.monotonic()
+        process.send_signal(signal.SIGINT)
+        assert process.wait(20) == 0
+        assert time.monotonic() - started < 5, "nothing was running: no reason to wait"
+    assert processes_of(data) == {}
+    with serving("--data", data) as (_, url), Client(url) as client:
+        assert [job["status"] for job in client.jobs()] == ["succeeded"]
+
+
+def test_a_running_job_is_handed_back_within_15_s_and_solved_by_the_next_service(tmp_path: Path) -> None:
+    data = tmp_path / "data"
+    long = changed("/method/J", 12)
+    with serving("--data", data) as (process, url), Client(url) as client:
+        job = client.submit(long)
+        while client.job(job["id"])["status"] != "running":
+            time.sleep(0.05)
+        started = time.monotonic()
+        process.send_signal(signal.SIGTERM)
+        assert process.wait(30) == 0
+        assert time.monotonic() - started < 15
+    assert processes_of(data) == {}
+    with serving("--data", data) as (_, url), Client(url) as client:
+        while (again := client.job(job["id"]))["status"] == "queued":
+            time.sleep(0.05)
+        assert again["attempts"] == 2
+        client.cancel(job["id"])
+        client.wait(job["id"], timeout=10)
+
+
+def test_processes_that_are_killed_are_started_again(tmp_path: Path) -> None:
+    data = tmp_path / "data"
+    with serving("--data", data) as (_, url), Client(url) as client:
+        job = client.solve(FLEXIBLE_SPACECRAFT, timeout=30)["job_id"]
+        for words in ("app.cli worker", "valkey-server", "app.cli api"):
+            os.kill(pid_of(data, words), signal.SIGKILL)
+        # The listening socket outlives the API: who asks in between waits instead of being refused.
+        assert client.wait(job, timeout=30)["status"] == "succeeded"
+        assert client.solve(FLEXIBLE_SPACECRAFT, timeout=40)["success"] is True
+
+
+def test_nothing_outlives_a_service_that_is_killed(tmp_path: Path) -> None:
+    data = tmp_path / "data"
+    with serving("--data", data) as (process, url):
+        assert len(processes_of(data)) >= 4
+        process.kill()
+        process.wait()
+        wait_until_gone(data, 15)
+        with Client(url) as client, pytest.raises(ServerUnreachable):
+            client.cases()
+    # The last of them to go releases the folder.
+    deadline = time.monotonic() + 15
+    while True:
+        try:
+            DataDirectory(data).close()
+        except ServiceStartError:
+            assert time.monotonic() < deadline
+            time.sleep(0.1)
+        else:
+            break
+
+
+def test_a_second_service_in_the_same_folder_is_refused(tmp_path: Path) -> None:
+    data = tmp_path / "data"
+    with serving("--data", data) as (process, _):
+        second = CliRunner().invoke(main, ["serve", "--port", "0", "--data", str(data)])
+        assert second.exit_code == 3
+        assert f"(process {process.pid}) is using the data folder {data}" in second.stderr
+
+
+def test_somebody_elses_broker_changes_the_address_only(tmp_path: Path, broker: str) -> None:
+    with serving("--broker", broker, "--data", tmp_path / "unused") as (_, url), Client(url) as client:
+        assert client.solve(FLEXIBLE_SPACECRAFT, timeout=30)["success"] is True
+    assert not (tmp_path / "unused").exists()
+
+
+def test_the_halves_of_the_service_run_by_themselves(tmp_path: Path, broker: str) -> None:
+    environment = {**os.environ, "ONDELETTE_BROKER": broker, "ONDELETTE_PREFIX": "halves:"}
+    commands = (["api", "--port", "0"], ["worker", "--concurrency", "1"])
+    processes = [
+        subprocess.Popen(
+            [sys.executable, "-m", "app.cli", *command],
+            env=environment,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.DEVNULL,
+            text=True,
+        )
+        for command in commands
+    ]
+    try:
+        assert processes[0].stdout is not None
+        url = processes[0].stdout.readline().split()[1]
+        with Client(url) as client:
+            assert client.solve(FLEXIBLE_SPACECRAFT, timeout=30)["success"] is True
+    finally:
+        for process in processes:
+            process.send_signal(signal.SIGTERM)
+        for process in processes:
+            process.communicate(timeout=15)
+    assert [process.returncode for process in processes] == [0, 0]
+
+
+@pytest.mark.parametrize("command", ["serve", "api"])
+@pytest.mark.parametrize("host", ["0.0.0.0", "::", "192.0.2.1", ""])
+def test_listening_to_the_network_has_to_be_asked_for(command: str, host: str) -> None:
+    answer = CliRunner().invoke(main, [command, "--host", host])
+    assert answer.exit_code == 2
+    assert "--insecure" in answer.stderr
+
+
+@pytest.mark.parametrize("host", ["127.0.0.1", "127.1.2.3", "::1", "localhost"])
+def test_loopback_addresses_are_known(host: str) -> None:
+    assert is_loopback(host)
+
+
+def test_with_insecure_every_address_is_served(tmp_path: Path) -> None:
+    with serving("--host", "0.0.0.0", "--insecure", "--data", tmp_path / "data") as (_, url):
+        assert httpx.get(f"{url}/livez").status_code == 200
+        port = httpx.URL(url).port
+        inodes = [line.split()[1] for line in Path("/proc/net/tcp").read_text().splitlines()[1:]]
+        assert f"00000000:{port:04X}" in inodes
+
+
+def test_a_port_in_use_is_told_before_anything_starts(tmp_path: Path) -> None:
+    with socket.create_server(("127.0.0.1", 0)) as taken:
+        port = taken.getsockname()[1]
+        arguments = ["--port", str(port), "--data", str(tmp_path / "data")]
+        answer = CliRunner().invoke(main, ["serve", *arguments])
+    assert answer.exit_code == 3
+    assert f"Cannot listen on 127.0.0.1 port {port}: Address already in use" in answer.stderr
+    assert not (tmp_path / "data").exists()
+
+
+@pytest.mark.parametrize("command", ["serve", "api", "worker"])
+def test_an_address_that_is_none_is_refused(command: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    answer = CliRunner().invoke(main, [command, "--broker", "http://localhost"])
+    assert answer.exit_code == 2
+    assert answer.stderr.startswith("ondelette: --broker: the broker's address must look like")
+    monkeypatch.setenv("ONDELETTE_BROKER", "nonsense")
+    answer = CliRunner().invoke(main, [command])
+    assert answer.exit_code == 2
+    assert answer.stderr.startswith("ondelette: ONDELETTE_BROKER: ")
+
+
+def test_a_password_is_not_shown(tmp_path: Path) -> None:
+    from app.embedded.service import _without_password
+
+    assert _without_password("redis://user:secret@host:6379/0") == "redis://user:***@host:6379/0"
+    assert _without_password("redis://host:6379/0") == "redis://host:6379/0"
+
+
+def test_a_start_that_fails_is_told_in_one_line(tmp_path: Path) -> None:
+    data = tmp_path / "data"
+    (data / "broker").mkdir(parents=True)
+    (data / "broker" / "written-by").write_text("redis 8.2.2\n")
+    answer = CliRunner().invoke(main, ["serve", "--port", "0", "--data", str(data)])
+    assert answer.exit_code == 3
+    assert len(answer.stderr.splitlines()) == 1
