@@ -53,6 +53,11 @@ class FirstOrderDynamics:
 
     model: FirstOrderModel
 
+    @property
+    def expressions(self) -> list[Expression]:
+        """Every expression of the model."""
+        return [parse(entry) for entry in self.model.dynamics.values()]
+
     def rate(self, scope: dict[str, Any], backend: Backend) -> list[Any]:
         """Evaluate f, one value a state."""
         return [
@@ -65,6 +70,13 @@ class MechanicalDynamics:
     """M(q) q'' + C(q, q') q' + K q = G u + f(q, q', t) with n coordinates; states are (q, q')."""
 
     model: MechanicalModel
+
+    @property
+    def expressions(self) -> list[Expression]:
+        """Every expression of the model."""
+        model = self.model
+        matrices = (model.mass, model.damping or (), model.stiffness or (), model.input, (model.force or (),))
+        return [parse(entry) for matrix in matrices for row in matrix for entry in row]
 
     @property
     def coordinates(self) -> int:
@@ -167,6 +179,12 @@ class OptimalControlProblem:
                 bounds=(state_bounds, control_bounds),
             ),
         )
+
+    @property
+    def autonomous(self) -> bool:
+        """Whether neither the model nor the running cost names the time."""
+        running = [] if self.running_cost is None else [self.running_cost]
+        return not any("t" in expression.names for expression in [*self.dynamics.expressions, *running])
 
     def rate(self, x: Values, u: Values, t: Any, parameters: Parameters, backend: Backend) -> list[Any]:
         """Evaluate f(x, u, t), one value a state."""

@@ -40,6 +40,8 @@ class Solution:
     spec: JobSpec
     problem: OptimalControlProblem
     trajectory: Trajectory
+    costates: Vector
+    """(n, K) at the nodes of the trajectory, dJ*/dx of every state."""
     objective: float
     status: SolveStatus
     message: str
@@ -77,7 +79,10 @@ class Solution:
             "final_time": trajectory.tf,
             "method": dict(self.method),
             "coefficients": encode(trajectory.basis, trajectory.states, trajectory.controls),
-            "nodes": {**trajectory.sample(trajectory.time(trajectory.nodes)), "costates": {}},
+            "nodes": {
+                **trajectory.sample(trajectory.time(trajectory.nodes)),
+                "costates": dict(zip(trajectory.states, self.costates.tolist(), strict=True)),
+            },
             "trajectory": {**sampled, "outputs": {}},
             "interpolation": dict.fromkeys(trajectory.controls, trajectory.interpolation),
             "switching": dict(self.switching),

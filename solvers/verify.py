@@ -74,6 +74,7 @@ class Verification:
     tolerances: Tolerances
     checks: tuple[Check, ...]
     note: str
+    hamiltonian_drift: float | None = None
 
     @property
     def passed(self) -> bool:
@@ -90,7 +91,7 @@ class Verification:
             "max_bound_violation": self.max_bound_violation,
             "max_path_violation": self.max_path_violation,
             "objective": self.objective,
-            "hamiltonian_drift": None,
+            "hamiltonian_drift": self.hamiltonian_drift,
             "mesh_error_estimate": None,
             "growth": self.growth,
             "states": {

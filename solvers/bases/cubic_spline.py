@@ -114,6 +114,25 @@ class CubicSplineSpace:
         weights: Array = solve_banded_system(sparse.csr_array(values.T), integrals)
         return weights
 
+    def dual_values(self, weights: ArrayLike, derivative: int) -> Array:
+        """Values at ``greville(derivative)`` of the function whose integral against g is weights' g.
+
+        g is any spline of degree d = 3 - ``derivative`` on these knots, given by its values at those points;
+        ``weights`` has shape (N - derivative,) or (.., m). The function is sought among the same splines: it
+        is the projection in the mean of whatever has these integrals. O(N).
+        """
+        points, degree = self.greville(derivative), DEGREE - derivative
+        clamped = self._clamped(degree)
+        at_points = sparse.csr_array(BSpline.design_matrix(points, clamped, degree))
+        nodes, shares = np.polynomial.legendre.leggauss(degree + 1)
+        widths = np.diff(self.knots)
+        inside = (self.knots[:-1, None] + widths[:, None] * (nodes + 1.0) / 2.0).ravel()
+        values = sparse.csr_array(BSpline.design_matrix(inside, clamped, degree))
+        gram = values.T @ sparse.diags_array((widths[:, None] * shares / 2.0).ravel()) @ values
+        moments: Array = at_points.T @ np.asarray(weights, np.float64)
+        dual: Array = at_points @ solve_banded_system(sparse.csr_array(gram), moments)
+        return dual
+
     @cached_property
     def interpolation_points(self) -> Array:
         """The N points of :meth:`interpolate`: the knots and the midpoints of the first and last interval."""

@@ -135,6 +135,22 @@ class Transcription(ABC):
         """The trajectory of a (scaled) solution of the program."""
         return self.read(scaled * self.builder.scale)
 
+    def costates(self, trajectory: Trajectory, row_multipliers: Vector) -> Vector:
+        """Costates lambda = dJ*/dx, (n, K) at the nodes of the trajectory, from the row multipliers.
+
+        The covector mapping that all methods share: a small change d of the rate at node k changes the
+        optimum by the integral of lambda' d, that is w_k (tf - t0) lambda_k' d with the weight w_k of the
+        node, and by (B' mu)_k (tf - t0) d through the defects; hence lambda_k = (B' mu)_k / w_k. For Gauss
+        points this is the mapping of Benson et al. (2006).
+        """
+        adjoint = self.builder.adjoint(self._rates, row_multipliers) * self.scaling.objective
+        _, weights = self.quadrature()
+        return self.spread(adjoint.reshape(weights.size, -1).T / weights)
+
+    def spread(self, costates: Vector) -> Vector:
+        """Costates at the nodes of the trajectory from those where the dynamics are evaluated."""
+        return costates
+
     def apply(
         self, function: ca.Function, instants: Instants, extra: Sequence[sparse.csr_array] = ()
     ) -> Places:
@@ -159,6 +175,7 @@ class Transcription(ABC):
 
         ``states``: R x unknowns for each state; ``rates``: R x K for the K places of :meth:`apply_rate`.
         """
+        self._rates = places
         n, count = len(states), states[0].shape[0]
         order = np.arange(n * count).reshape(n, count).T.ravel()
         self.builder.constrain(

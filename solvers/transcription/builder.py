@@ -144,6 +144,14 @@ class ProgramBuilder:
         """What a scaled unknown is multiplied by to give the unknown."""
         return np.concatenate(self._scale)
 
+    def adjoint(self, places: Places, scaled_multipliers: Vector) -> Vector:
+        """B' lambda for the values of ``places``, with the multipliers of the rows before their scaling."""
+        multipliers = scaled_multipliers / np.concatenate([scales for *_, scales in self._rows])
+        values = np.zeros(places.values)
+        for start, matrix in self._functions[places.index].scatter:
+            values += matrix.T @ multipliers[start : start + matrix.shape[0]]
+        return values
+
     def _finish(self, item: _Function) -> PlaceFunction:
         scatter = sparse.coo_array((self.row_count, item.cost.size))
         if item.scatter:

@@ -121,6 +121,15 @@ class GaussPseudospectral(Transcription):
             nodes=self._state_tau,
         )
 
+    def spread(self, costates: Vector) -> Vector:
+        """Segment by segment, the polynomial through the Gauss nodes gives the values at the ends."""
+        weights = gauss_barycentric_weights(self.count, initial_point=False)
+        to_ends = lagrange_matrix(self._points, weights, np.array([-1.0, 1.0]))
+        by_segment = costates.reshape(costates.shape[0], -1, self.count)
+        ends = by_segment @ to_ends.T
+        starts = np.concatenate([ends[:, :, :1], by_segment], axis=2)
+        return np.column_stack([starts.reshape(costates.shape[0], -1), ends[:, -1, 1]])
+
     def _end_controls(self) -> list[sparse.csr_array]:
         weights = gauss_barycentric_weights(self.count, initial_point=False)
         ends = lagrange_matrix(self._points, weights, np.array([-1.0, 1.0]))

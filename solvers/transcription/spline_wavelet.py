@@ -29,6 +29,7 @@ from scipy import sparse
 from solvers.backends import NUMPY
 from solvers.bases.cubic_spline import CubicSplineSpace
 from solvers.coefficients import SPLINE_WAVELET
+from solvers.costates import second_order_costates
 from solvers.curves import Curve, DerivativeCurve, LinearCurve, SplineCurve
 from solvers.problem import MechanicalDynamics
 from solvers.symbolic import CASADI
@@ -108,6 +109,7 @@ class SplineWavelet(Transcription):
             places = self.apply(symbols.function("residual", residual), instants, accelerations)
             scale = np.tile(self._residual_scale(), self.points.size)
             self.builder.constrain(0.0, 0.0, scale=scale, places=places)
+            self._residual = places
             return
         slopes = self._spline_rows(self.points, 1)
         self.add_defects(
@@ -139,6 +141,21 @@ class SplineWavelet(Transcription):
             breakpoints=np.union1d(self.points, self.space.knots),
             nodes=self.points,
         )
+
+    def costates(self, trajectory: Trajectory, row_multipliers: Vector) -> Vector:
+        """See :class:`Transcription`; second order: from the multipliers mu of the equations of motion.
+
+        A change of the acceleration is the spline of degree 1 through its values d_k at the knots, each of
+        which is a residual -M d_k: lambda_v is what has the integrals -M' mu_k / (tf - t0) against these
+        splines. For first order the same with degree 2 and the defects.
+        """
+        places = self._rates if self._mechanical is None else self._residual
+        adjoint = self.builder.adjoint(places, row_multipliers) * self.scaling.objective
+        weights = adjoint.reshape(self.points.size, -1)
+        if self._mechanical is None:
+            return self.space.dual_values(weights, 1).T
+        weights = weights / trajectory.duration
+        return second_order_costates(self.problem, self._mechanical, trajectory, weights, self.space)
 
     @cached_property
     def _at_points(self) -> Instants:

@@ -191,3 +191,20 @@ def test_rounding_beyond_the_ends_is_forgiven():
     np.testing.assert_array_equal(
         space.evaluate(coefficients, [-1e-16, 1 + 2e-16]), space.evaluate(coefficients, [0.0, 1.0])
     )
+
+
+@pytest.mark.parametrize("derivative", [1, 2])
+def test_dual_values_undo_integration_against_the_cardinal_splines(derivative: int) -> None:
+    """The integrals of f against all splines of the space give f back where f is one of them."""
+    space = CubicSplineSpace([0.0, 0.1, 0.3, 0.4, 0.8, 1.0])
+    generator = np.random.default_rng(5)
+    wanted = space.matrix(space.greville(derivative), derivative) @ generator.standard_normal(space.dimension)
+    points, shares = np.polynomial.legendre.leggauss(4)
+    widths = np.diff(space.knots)
+    inside = (space.knots[:-1, None] + widths[:, None] * (points + 1) / 2).ravel()
+    # Values of cardinal splines at the quadrature points: evaluate the interpolant of each unit vector.
+    rows = space.matrix(inside, derivative).toarray()
+    at_points = space.matrix(space.greville(derivative), derivative).toarray()
+    cardinal = rows @ np.linalg.pinv(at_points)
+    weights = cardinal.T @ ((widths[:, None] * shares / 2).ravel() * (cardinal @ wanted))
+    np.testing.assert_allclose(space.dual_values(weights, derivative), wanted, atol=1e-10)

@@ -1,0 +1,48 @@
+"""What the costates say of an answer: the Hamiltonian along it.
+
+H = L + lambda' f, minimised by the control; constant where neither the model nor the running cost names the
+time, and then -1 for a minimum time, 0 where a free final time costs nothing.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from solvers.backends import NUMPY
+from solvers.problem import OptimalControlProblem
+from solvers.trajectory import Trajectory
+
+Vector = NDArray[np.float64]
+
+
+def hamiltonian(problem: OptimalControlProblem, trajectory: Trajectory, costates: Vector) -> Vector:
+    """H at the nodes, (K,), from the costates there, (n, K)."""
+    return np.asarray(_terms(problem, trajectory, costates).sum(axis=0), np.float64)
+
+
+def hamiltonian_drift(
+    problem: OptimalControlProblem, trajectory: Trajectory, costates: Vector
+) -> float | None:
+    """How far H wanders from its median, relative to the largest sum of magnitudes of its terms.
+
+    None where the problem names the time: H then has a reason to wander.
+    """
+    if not problem.autonomous:
+        return None
+    terms = _terms(problem, trajectory, costates)
+    values, magnitude = terms.sum(axis=0), np.abs(terms).sum(axis=0).max()
+    wander = np.max(np.abs(values - np.median(values)))
+    return float(wander / magnitude) if magnitude > 0.0 else 0.0
+
+
+def _terms(problem: OptimalControlProblem, trajectory: Trajectory, costates: Vector) -> Vector:
+    """The running cost and lambda_i f_i at the nodes, (n + 1, K)."""
+    tau = trajectory.nodes
+    states, controls = trajectory.states_at(tau), trajectory.controls_at(tau)
+    scope = problem.scope(states, controls, trajectory.time(tau), problem.parameters)
+    with np.errstate(all="ignore"):  # the last iterate of a failed solve may have no finite rate
+        rates = problem.dynamics.rate(scope, NUMPY)
+        cost = 0.0 if problem.running_cost is None else problem.running_cost.evaluate(scope, NUMPY.functions)
+        products = [costate * rate for costate, rate in zip(costates, rates, strict=True)]
+    return np.array(np.broadcast_arrays(cost, *products, tau)[:-1], np.float64)

@@ -1,0 +1,96 @@
+"""One solve as it runs: its limits, what it has told and spent, and the meshes that it went through."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass, field
+from typing import Any
+
+from solvers.optimizers.ipopt import Iterate, Limits, Outcome, minimise
+from solvers.problem import OptimalControlProblem
+from solvers.progress import Progress, ProgressReport
+from solvers.scaling import Scaling
+from solvers.status import SolveStatus
+from solvers.trajectory import Trajectory
+from solvers.transcription.base import Transcription
+
+# About how many iterations a mesh takes: only the estimate of the fraction done depends on it.
+_USUAL_ITERATIONS = 30.0
+
+
+@dataclass(frozen=True)
+class Solved:
+    """A mesh, where the optimizer stopped on it, and the trajectory that this stands for."""
+
+    transcription: Transcription
+    outcome: Outcome
+    trajectory: Trajectory
+
+    @property
+    def converged(self) -> bool:
+        """Whether the nonlinear program converged."""
+        return self.outcome.status is SolveStatus.CONVERGED
+
+    @property
+    def stopped(self) -> bool:
+        """Whether somebody or the clock asked to stop."""
+        return self.outcome.status in (SolveStatus.CANCELLED, SolveStatus.TIME_LIMIT)
+
+    @property
+    def objective(self) -> float:
+        """The objective of the document on this mesh."""
+        return self.outcome.objective * self.transcription.scaling.objective
+
+
+@dataclass
+class Session:
+    """Solves mesh after mesh within the limits of one document, and keeps the account."""
+
+    problem: OptimalControlProblem
+    scaling: Scaling
+    limits: Limits
+    progress: Progress
+    seconds: dict[str, float] = field(default_factory=lambda: {"build": 0.0, "solve": 0.0, "refine": 0.0})
+    convergence: list[dict[str, Any]] = field(default_factory=list)
+    iterations: int = 0
+
+    def solve(
+        self,
+        transcription: Transcription,
+        stage: str,
+        share: tuple[float, float] = (0.0, 1.0),
+        *,
+        warm: bool = False,
+    ) -> Solved:
+        """Solve one mesh. ``share``: the part of all work that it is; ``warm``: it starts near the answer.
+
+        Raises whatever the progress raises.
+        """
+        started = time.perf_counter()
+
+        def report(iterate: Iterate) -> None:
+            done = iterate.iteration / (iterate.iteration + _USUAL_ITERATIONS)
+            self.progress.report(
+                ProgressReport(
+                    stage,
+                    self.iterations + iterate.iteration,
+                    iterate.objective * transcription.scaling.objective,
+                    iterate.infeasibility,
+                    share[0] + done * (share[1] - share[0]),
+                )
+            )
+
+        outcome = minimise(transcription.program(), self.limits, report, warm=warm)
+        self.iterations += outcome.iterations
+        self.seconds["build"] += time.perf_counter() - started - outcome.solve_seconds
+        self.seconds["solve"] += outcome.solve_seconds
+        solved = Solved(transcription, outcome, transcription.trajectory(outcome.unknowns))
+        self.convergence.append(
+            {
+                "level": len(self.convergence),
+                "nodes": int(solved.trajectory.nodes.size),
+                "objective": solved.objective,
+                "max_state_error": None,
+            }
+        )
+        return solved
