@@ -129,7 +129,7 @@ class CubicSplineSpace:
         inside = (self.knots[:-1, None] + widths[:, None] * (nodes + 1.0) / 2.0).ravel()
         values = sparse.csr_array(BSpline.design_matrix(inside, clamped, degree))
         gram = values.T @ sparse.diags_array((widths[:, None] * shares / 2.0).ravel()) @ values
-        moments: Array = at_points.T @ np.asarray(weights, np.float64)
+        moments = np.asarray(at_points.T @ np.asarray(weights, np.float64), np.float64)
         dual: Array = at_points @ solve_banded_system(sparse.csr_array(gram), moments)
         return dual
 
