@@ -130,8 +130,8 @@ class CubicSplineSpace:
         values = sparse.csr_array(BSpline.design_matrix(inside, clamped, degree))
         gram = values.T @ sparse.diags_array((widths[:, None] * shares / 2.0).ravel()) @ values
         moments = np.asarray(at_points.T @ np.asarray(weights, np.float64), np.float64)
-        dual: Array = at_points @ solve_banded_system(sparse.csr_array(gram), moments)
-        return dual
+        coefficients = solve_banded_system(sparse.csr_array(gram), moments)
+        return np.asarray(at_points @ coefficients, np.float64)
 
     @cached_property
     def interpolation_points(self) -> Array:
