@@ -33,7 +33,7 @@ class Resolution:
 def resolve(spec: JobSpec) -> Resolution:
     """Return the document of ``spec`` with every default written out."""
     defaults: list[Path] = []
-    document = _plain_object(spec, (), defaults)
+    document = _plain_object(spec, (), defaults, given=True)
     verification = document["options"].setdefault("verification", {})
     for name, value in spec.verification_tolerances().items():
         if name not in verification:
@@ -64,7 +64,7 @@ def _canonical(value: Any) -> Any:
     return value
 
 
-def _plain_object(model: SpecModel, path: Path, defaults: list[Path]) -> dict[str, Any]:
+def _plain_object(model: SpecModel, path: Path, defaults: list[Path], given: bool) -> dict[str, Any]:
     plain: dict[str, Any] = {}
     for name, info in type(model).model_fields.items():
         value = getattr(model, name)
@@ -72,19 +72,20 @@ def _plain_object(model: SpecModel, path: Path, defaults: list[Path]) -> dict[st
         empty = value is None or (isinstance(value, str | list | tuple | dict) and len(value) == 0)
         if name in _IGNORED or (empty and not info.is_required()):
             continue
-        if name not in model.model_fields_set and not isinstance(value, SpecModel):
+        here = given and name in model.model_fields_set
+        if not here and not isinstance(value, SpecModel):
             defaults.append((*path, key))
-        written = _plain(value, (*path, key), defaults)
+        written = _plain(value, (*path, key), defaults, here)
         if written != {} or info.is_required():
             plain[key] = written
     return plain
 
 
-def _plain(value: Any, path: Path, defaults: list[Path]) -> Any:
+def _plain(value: Any, path: Path, defaults: list[Path], given: bool) -> Any:
     if isinstance(value, SpecModel):
-        return _plain_object(value, path, defaults)
+        return _plain_object(value, path, defaults, given)
     if isinstance(value, dict):
-        return {key: _plain(item, (*path, key), defaults) for key, item in value.items()}
+        return {key: _plain(item, (*path, key), defaults, given) for key, item in value.items()}
     if isinstance(value, list | tuple):
-        return [_plain(item, (*path, index), defaults) for index, item in enumerate(value)]
+        return [_plain(item, (*path, index), defaults, given) for index, item in enumerate(value)]
     return value
