@@ -3,9 +3,10 @@
 A transcription says where its unknowns are, how states and controls follow from them (rows of constant
 matrices), and how the dynamics become defects. The rest is common and written here once.
 
-The local variables of a node are z = (x, u, t0, tf); states in ``per_tau`` stand in z as derivatives with
-respect to normalised time tau = (t - t0) / (tf - t0) and are divided by the duration before the model sees
-them. The numbers of a node are P = (tau, parameters).
+The local variables of a node are z = (x, u, ta, tb), where [ta, tb] is the span of time on which its tau
+counts from 0 to 1: all of [t0, tf], or an arc of it. States in ``per_tau`` stand in z as derivatives with
+respect to tau and are divided by the duration before the model sees them. The numbers of a node are
+P = (tau, parameters).
 """
 
 from __future__ import annotations
@@ -33,19 +34,16 @@ Vector = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Instants:
-    """K instants tau, and the rows (K x unknowns) that give each state and control there."""
+    """K instants, and the rows (K x unknowns) that give each state and control there.
+
+    ``tau`` counts from 0 to 1 over a span of time; ``span``: the rows of its start and end, by default those
+    of t0 and tf.
+    """
 
     tau: Vector
     states: Sequence[sparse.csr_array]
     controls: Sequence[sparse.csr_array] = ()
-
-    def take(self, index: Sequence[int]) -> Instants:
-        """The instants of these indices."""
-        return Instants(
-            self.tau[list(index)],
-            [rows[list(index)] for rows in self.states],
-            [rows[list(index)] for rows in self.controls],
-        )
+    span: tuple[sparse.csr_array, sparse.csr_array] | None = None
 
 
 class NodeSymbols:
@@ -58,12 +56,12 @@ class NodeSymbols:
         self.z = ca.SX.sym("z", n + accelerations + m + 2)
         self.p = ca.SX.sym("p", 1 + len(problem.parameters))
         parts = ca.vertsplit(self.z)
-        t0, tf = parts[-2:]
-        self.duration = tf - t0
+        start, stop = parts[-2:]
+        self.duration = stop - start
         self.x = [part / self.duration if i in per_tau else part for i, part in enumerate(parts[:n])]
         self.accelerations = [part / self.duration**2 for part in parts[n : n + accelerations]]
         self.u = parts[n + accelerations : -2]
-        self.t = t0 + self.p[0] * self.duration
+        self.t = start + self.p[0] * self.duration
         self.parameters = dict(zip(problem.parameters, ca.vertsplit(self.p)[1:], strict=True))
         self.scope: dict[str, Any] = problem.scope(self.x, self.u, self.t, self.parameters)
 
@@ -156,14 +154,19 @@ class Transcription(ABC):
     ) -> Places:
         """Apply a function of :class:`NodeSymbols` at these instants."""
         count = instants.tau.size
-        ones = sparse.csr_array(np.ones((count, 1)))
-        times = [self.builder.rows_of(block, ones) for block in self.times]
+        span = instants.span or self.span(count)
         numbers = np.vstack([instants.tau, np.tile(list(self.problem.parameters.values()), (count, 1)).T])
-        blocks = [*instants.states, *extra, *instants.controls, *times]
+        blocks = [*instants.states, *extra, *instants.controls, *span]
         return self.builder.apply(function, blocks, numbers)
 
+    def span(self, count: int) -> tuple[sparse.csr_array, sparse.csr_array]:
+        """Rows of t0 and of tf, ``count`` times each."""
+        ones = sparse.csr_array(np.ones((count, 1)))
+        t0, tf = (self.builder.rows_of(block, ones) for block in self.times)
+        return t0, tf
+
     def apply_rate(self, instants: Instants) -> Places:
-        """Evaluate (tf - t0) f(x, u, t) at these instants: n values a place."""
+        """Evaluate (tb - ta) f(x, u, t) at these instants: n values a place."""
         symbols = NodeSymbols(self.problem, self.per_tau)
         rate = self.problem.rate(symbols.x, symbols.u, symbols.t, symbols.parameters, CASADI)
         return self.apply(symbols.function("rate", [symbols.duration * value for value in rate]), instants)
@@ -171,7 +174,7 @@ class Transcription(ABC):
     def add_defects(
         self, states: Sequence[sparse.csr_array], places: Places, rates: sparse.csr_array
     ) -> None:
-        """Add the defects  states_i w + rates (tf - t0) f_i = 0  of every state i.
+        """Add the defects  states_i w + rates (tb - ta) f_i = 0  of every state i.
 
         ``states``: R x unknowns for each state; ``rates``: R x K for the K places of :meth:`apply_rate`.
         """
@@ -190,8 +193,7 @@ class Transcription(ABC):
     def _hold_states(self) -> None:
         nodes = self.nodes()
         problem = self.problem
-        ones = sparse.csr_array(np.ones((nodes.tau.size, 1)))
-        t0, tf = (self.builder.rows_of(block, ones) for block in self.times)
+        t0, tf = self.span(nodes.tau.size)
         for i, rows in enumerate(nodes.states):
             lower, upper = (np.full(nodes.tau.size, bound) for bound in problem.state_bounds[i])
             for index, end in ((0, problem.initial_state[i]), (-1, problem.final_state[i])):
@@ -216,14 +218,14 @@ class Transcription(ABC):
 
     def _order_times(self) -> None:
         if self.problem.final_time[0] <= self.problem.initial_time[1]:
-            t0, tf = (self.builder.rows_of(block) for block in self.times)
+            t0, tf = self.span(1)
             self.builder.constrain(0.0, np.inf, scale=self.scaling.time, linear=tf - t0)
 
     def _add_ends(self) -> None:
         problem = self.problem
         if problem.terminal_cost is None and not problem.boundary:
             return
-        ends = self.nodes().take([0, -1])
+        nodes = self.nodes()
         n, m = len(problem.states), len(problem.controls)
         z = ca.SX.sym("z", 2 * (n + m) + 2)
         p = ca.SX.sym("p", len(problem.parameters))
@@ -245,8 +247,8 @@ class Transcription(ABC):
         if problem.terminal_cost is not None:
             expressions.append(problem.terminal_cost)
         values = [ca.SX(expression.evaluate(scope, CASADI.functions)) for expression in expressions]
-        blocks = [rows[[side]] for side in (0, 1) for rows in (*ends.states, *ends.controls)]
-        blocks += [self.builder.rows_of(block) for block in self.times]
+        blocks = [rows[[side]] for side in (0, -1) for rows in (*nodes.states, *nodes.controls)]
+        blocks += self.span(1)
         numbers = np.array(list(problem.parameters.values())).reshape(-1, 1)
         places = self.builder.apply(ca.Function("ends", [z, p], [ca.vertcat(*values)]), blocks, numbers)
         self._constrain_expressions(places, problem.boundary, 1)
