@@ -41,9 +41,12 @@ class StatusWatch:
         try:
             yield
         finally:
-            task.cancel()
-            with contextlib.suppress(asyncio.CancelledError):
-                await task
+            # More than once: a client that is just connecting may swallow a cancellation.
+            while not task.done():
+                task.cancel()
+                await asyncio.wait([task], timeout=0.1)
+            if not task.cancelled():
+                task.result()
 
     async def final(self, job_id: str, seconds: float) -> JobRecord:
         """Return the job when its status is final, or as it is after ``seconds``."""

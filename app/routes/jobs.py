@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import base64
-import binascii
 from typing import Annotated
 from urllib.parse import urlencode
 
@@ -157,7 +156,7 @@ def _cursor_of(job_id: str) -> str:
 def _id_of(cursor: str) -> str:
     try:
         job_id = base64.b64decode(cursor + "=" * (-len(cursor) % 4), b"-_", validate=True).decode()
-    except (binascii.Error, UnicodeError):
+    except ValueError:
         job_id = ""
     if not is_job_id(job_id):
         raise wrong_parameter("cursor", "is not one that this service gave; start without it")

@@ -76,9 +76,16 @@ def trajectory(
     derivatives: bool = False,
 ) -> Response:
     """Resample the trajectory from its coefficients: at ``samples`` times, at times ``t``, or by ``dt``."""
-    curves = _curves(service, job_id)
+    stored = json.loads(service.result(job_id))
+    try:
+        curves = Trajectory.from_result(stored)
+    except TypeError as error:
+        raise _not_finite() from error
     sampled = curves.sample(_times(curves.t0, curves.tf, samples, t, dt), derivatives=derivatives)
-    text = json.dumps({"job_id": job_id, **sampled}, allow_nan=False, separators=(",", ":"))
+    try:
+        text = json.dumps({"job_id": job_id, **sampled}, allow_nan=False, separators=(",", ":"))
+    except ValueError as error:
+        raise _not_finite() from error
     return Response(text, media_type="application/json")
 
 
@@ -110,15 +117,9 @@ def _plot(service: Service, job_id: str, kind: Literal["svg", "png"], media: str
     return Response(picture, media_type=media, headers={"Content-Security-Policy": policy})
 
 
-def _curves(service: Service, job_id: str) -> Trajectory:
-    stored = json.loads(service.result(job_id))
-    try:
-        return Trajectory.from_result(stored)
-    except TypeError as error:
-        # A diverged iterate holds numbers that are not finite, null in JSON: nothing to interpolate.
-        raise ServiceError(
-            "no-result", "The last iterate is not finite, so it cannot be resampled."
-        ) from error
+def _not_finite() -> ServiceError:
+    """Say that the numbers of an iterate that diverged (null in a result) cannot be interpolated."""
+    return ServiceError("no-result", "The last iterate is not finite, so it cannot be resampled.")
 
 
 def _times(

@@ -1,0 +1,59 @@
+from typing import Any
+
+import httpx
+
+from worker.queue import JobQueue
+
+
+def test_the_first_page_loads_nothing_from_elsewhere(client: httpx.Client) -> None:
+    response = client.get("/")
+    assert response.headers["content-type"].startswith("text/html")
+    assert "http://testserver/v1/jobs" in response.text
+    assert "https://" not in response.text
+    assert "<script" not in response.text
+    for address in ("/docs", "/openapi.json", "/v1/jobs", "/v1/cases", "/v1/methods", "/v1/models"):
+        assert f'href="{address}"' in response.text
+        assert client.get(address).status_code == 200
+
+
+def references(schema: Any) -> set[str]:
+    if isinstance(schema, dict):
+        mapping = schema.get("discriminator", {}).get("mapping", {})
+        own = {schema["$ref"]} if isinstance(schema.get("$ref"), str) else set()
+        return own | set(mapping.values()) | {ref for value in schema.values() for ref in references(value)}
+    if isinstance(schema, list):
+        return {ref for value in schema for ref in references(value)}
+    return set()
+
+
+def test_the_interface_is_described_in_openapi_3_1(client: httpx.Client) -> None:
+    document = client.get("/openapi.json").json()
+    assert document["openapi"].startswith("3.1.")
+    submit = document["paths"]["/v1/jobs"]["post"]
+    schema = submit["requestBody"]["content"]["application/json"]["schema"]
+    assert schema == {"$ref": "#/components/schemas/JobDocument"}
+    assert {"202", "409", "413", "415", "422", "503"} <= set(submit["responses"])
+    schemas = document["components"]["schemas"]
+    assert {"problem", "method", "options", "output"} <= set(schemas["JobDocument"]["properties"])
+    assert {"Problem", "JobView"} <= set(schemas)
+    used = references(document)
+    assert used
+    for reference in used:
+        assert reference.removeprefix("#/components/schemas/") in schemas, reference
+
+
+def test_every_422_is_a_problem(client: httpx.Client) -> None:
+    for path in client.get("/openapi.json").json()["paths"].values():
+        for operation in path.values():
+            if "422" in operation["responses"]:
+                assert set(operation["responses"]["422"]["content"]) == {"application/problem+json"}
+
+
+def test_the_process_is_alive_and_ready_when_a_worker_is(client: httpx.Client, queue: JobQueue) -> None:
+    assert client.get("/livez").json() == {"status": "ok"}
+    waiting = client.get("/readyz")
+    assert waiting.status_code == 503
+    assert waiting.json()["type"] == "/problems/unavailable"
+    assert int(waiting.headers["retry-after"]) >= 1
+    queue.beat("one@host", 2, 60)
+    assert client.get("/readyz").json() == {"status": "ready", "workers": {"one@host": 2}, "queued": 0}
