@@ -1,12 +1,12 @@
 """The ``coefficients`` of a result: the numbers behind the curves of a trajectory, and the way back.
 
 One pair of functions a basis; ``decode(encode(...))`` gives the same curves, so that a stored result can be
-sampled anywhere, exactly, without the problem. Segments, intervals and levels are uniform in time.
+sampled anywhere, exactly, without the problem. Intervals and levels are uniform in time.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -102,12 +102,21 @@ def _decode_spline_wavelet(
     )
 
 
+def gauss_nodes(breaks: Vector, counts: Sequence[int]) -> Vector:
+    """The starts and Gauss nodes of the segments between ``breaks``, and the end of the last one."""
+    pieces = [
+        start + width * (gauss_support(count) + 1.0) / 2.0
+        for start, width, count in zip(breaks[:-1], np.diff(breaks), counts, strict=True)
+    ]
+    return np.concatenate([*pieces, [1.0]])
+
+
 def _encode_lagrange(basis: Mapping[str, Any], states: Curves, controls: Curves) -> dict[str, Any]:
     """Values at the support points, segment by segment: its start and Gauss nodes; the nodes for controls."""
     return {
         "basis": dict(basis),
-        "states": _values(states, LagrangeCurve),
-        "controls": _values(controls, LagrangeCurve),
+        "states": _segment_values(states),
+        "controls": _segment_values(controls),
     }
 
 
@@ -115,21 +124,19 @@ def _decode_lagrange(
     coefficients: Mapping[str, Any], node_controls: Mapping[str, Any], duration: float
 ) -> Decoded:
     basis = coefficients["basis"]
-    segments, count = basis["segments"], basis["nodes"]
-    breaks = np.linspace(0.0, 1.0, segments + 1)
-    points = legendre_gauss(count)[0]
-    support = gauss_support(count)
-    tau = breaks[:-1, None] + np.diff(breaks)[:, None] * (support + 1.0) / 2.0
-    nodes = np.append(tau.ravel(), 1.0)
+    breaks, counts = np.array(basis["breaks"], np.float64), basis["nodes"]
+    nodes = gauss_nodes(breaks, counts)
+
+    def curves(lists: Mapping[str, list[float]], supports: tuple[Vector, ...]) -> dict[str, Curve]:
+        ends = np.cumsum([support.size for support in supports])[:-1]
+        return {
+            name: LagrangeCurve(breaks, supports, tuple(np.split(np.array(values, np.float64), ends)))
+            for name, values in lists.items()
+        }
+
     return Decoded(
-        {
-            name: LagrangeCurve(breaks, support, np.reshape(values, (segments, -1)))
-            for name, values in coefficients["states"].items()
-        },
-        {
-            name: LagrangeCurve(breaks, points, np.reshape(values, (segments, -1)))
-            for name, values in coefficients["controls"].items()
-        },
+        curves(coefficients["states"], tuple(map(gauss_support, counts))),
+        curves(coefficients["controls"], tuple(legendre_gauss(count)[0] for count in counts)),
         "polynomial",
         nodes,
         nodes,
@@ -145,7 +152,11 @@ def _encode_hermite(basis: Mapping[str, Any], states: Curves, controls: Curves) 
             for name, curve in states.items()
             if isinstance(curve, HermiteCurve)
         },
-        "controls": _values(controls, QuadraticCurve),
+        "controls": {
+            name: curve.values.tolist()
+            for name, curve in controls.items()
+            if isinstance(curve, QuadraticCurve)
+        },
     }
 
 
@@ -169,8 +180,12 @@ def _decode_hermite(
     )
 
 
-def _values(curves: Curves, kind: type[LagrangeCurve | QuadraticCurve]) -> Lists:
-    return {name: curve.values.ravel().tolist() for name, curve in curves.items() if isinstance(curve, kind)}
+def _segment_values(curves: Curves) -> Lists:
+    return {
+        name: np.concatenate(curve.values).tolist()
+        for name, curve in curves.items()
+        if isinstance(curve, LagrangeCurve)
+    }
 
 
 _Encoder = Callable[[Mapping[str, Any], Curves, Curves], dict[str, Any]]

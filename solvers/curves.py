@@ -103,27 +103,54 @@ class QuadraticCurve:
 class LagrangeCurve:
     """A polynomial on each segment, by its values at support points.
 
-    ``breaks``: ends of the S segments, from 0 to 1; ``support``: points in [-1, 1], the same in each segment;
-    ``values``: S x len(support).
+    ``breaks``: ends of the S segments, from 0 to 1; ``supports``: for each segment its points in [-1, 1];
+    ``values``: for each segment the values there.
     """
 
     breaks: Vector
-    support: Vector
-    values: Vector
+    supports: tuple[Vector, ...]
+    values: tuple[Vector, ...]
 
     def __call__(self, tau: Vector, derivative: int = 0) -> Vector:
         """See :class:`Curve`; at an inner break the segment on the right speaks."""
         segment = np.clip(np.searchsorted(self.breaks, tau, side="right") - 1, 0, self.breaks.size - 2)
         widths = np.diff(self.breaks)
         local = 2.0 * (tau - self.breaks[segment]) / widths[segment] - 1.0
-        values, weights = self.values, self._weights
-        if derivative:
-            slopes = differentiation_matrix(self.support, weights)
-            for _ in range(derivative):
-                values = (values @ slopes.T) * (2.0 / widths)[:, None]
-        rows = lagrange_matrix(self.support, weights, local)
-        return np.asarray(np.sum(rows * values[segment], axis=1), np.float64)
+        result = np.empty_like(tau)
+        for alike in self._alike:
+            here = np.isin(segment, alike.segments)
+            rows = lagrange_matrix(alike.support, alike.weights, local[here])
+            values = alike.derivative(derivative, widths)[np.searchsorted(alike.segments, segment[here])]
+            result[here] = np.sum(rows * values, axis=1)
+        return result
 
     @cached_property
-    def _weights(self) -> Vector:
+    def _alike(self) -> list[_Alike]:
+        sizes = np.array([support.size for support in self.supports])
+        groups = [np.flatnonzero(sizes == size) for size in np.unique(sizes)]
+        return [
+            _Alike(group, self.supports[group[0]], np.array([self.values[index] for index in group]))
+            for group in groups
+        ]
+
+
+@dataclass(frozen=True)
+class _Alike:
+    """Segments (ascending indices) with the same support, their values (segments x support)."""
+
+    segments: NDArray[np.intp]
+    support: Vector
+    values: Vector
+
+    @cached_property
+    def weights(self) -> Vector:
         return barycentric_weights(self.support)
+
+    def derivative(self, order: int, widths: Vector) -> Vector:
+        """Values of the derivative with respect to tau at the support."""
+        values = self.values
+        if order:
+            slopes = differentiation_matrix(self.support, self.weights)
+            for _ in range(order):
+                values = (values @ slopes.T) * (2.0 / widths[self.segments])[:, None]
+        return values

@@ -152,7 +152,7 @@ def _meshes(spec: JobSpec) -> tuple[Mapping[str, Any], Sequence[Mesh]]:
         case GaussPseudospectralMethod(nodes=nodes, segments=segments):
             breaks = np.linspace(0.0, 1.0, segments + 1)
             return {"name": "gpm", "nodes": nodes, "segments": segments}, [
-                lambda p, s, start: GaussPseudospectral(p, s, start, breaks, nodes)
+                lambda p, s, start: GaussPseudospectral(p, s, start, breaks, (nodes,) * segments)
             ]
         case HermiteSimpsonMethod(intervals=intervals):
             knots = np.linspace(0.0, 1.0, intervals + 1)

@@ -47,13 +47,13 @@ class ProgramBuilder:
     row_count: int = 0
 
     def unknowns(
-        self, initial: Vector, *, scale: float, lower: float = -np.inf, upper: float = np.inf
+        self, initial: Vector, *, scale: float, lower: ArrayLike = -np.inf, upper: ArrayLike = np.inf
     ) -> range:
         """Append a block of unknowns and return its indices."""
         block = range(self.size, self.size + initial.size)
         self._initial.append(initial)
-        self._lower.append(np.full(initial.size, lower))
-        self._upper.append(np.full(initial.size, upper))
+        self._lower.append(np.full(initial.size, lower, np.float64))
+        self._upper.append(np.full(initial.size, upper, np.float64))
         self._scale.append(np.full(initial.size, scale))
         self.size += initial.size
         return block

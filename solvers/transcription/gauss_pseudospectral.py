@@ -1,9 +1,9 @@
 """Gauss pseudospectral method (GPM): on each segment a polynomial through its start and the Gauss points.
 
-Decision vector, S segments of K Legendre-Gauss nodes, a column for each state and control:
+Decision vector, S segments of K_1 ... K_S Legendre-Gauss nodes, a column for each state and control:
 
-    x_i: start of segment 1, its K nodes, start of segment 2, ..., end of segment S   (S (K + 1) + 1)
-    u_j: the nodes                                                                     (S K)
+    x_i: start of segment 1, its K_1 nodes, start of segment 2, ..., end of segment S   (sum (K_s + 1) + 1)
+    u_j: the nodes                                                                       (sum K_s)
     t0 | tf
 
 On a segment of normalised width h, with F = (tf - t0) f at the nodes:  D X - h/2 F = 0  at the nodes, and the
@@ -16,9 +16,10 @@ orthogonal collocation method", J. Guidance, Control, and Dynamics 29(6), 2006, 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 from scipy import sparse
 
 from solvers.bases.legendre import (
@@ -28,7 +29,7 @@ from solvers.bases.legendre import (
     lagrange_matrix,
     legendre_gauss,
 )
-from solvers.coefficients import LAGRANGE
+from solvers.coefficients import LAGRANGE, gauss_nodes
 from solvers.curves import LagrangeCurve
 from solvers.trajectory import Trajectory
 from solvers.transcription.base import Instants, Transcription
@@ -38,101 +39,138 @@ Vector = NDArray[np.float64]
 
 @dataclass
 class GaussPseudospectral(Transcription):
-    """GPM with ``count`` nodes on each segment between ``breaks`` (normalised, from 0 to 1)."""
+    """GPM with ``counts`` nodes on the segments between ``breaks`` (normalised, from 0 to 1)."""
 
     breaks: Vector
-    count: int
+    counts: tuple[int, ...]
     _states: list[range] = field(default_factory=list, init=False)
     _controls: list[range] = field(default_factory=list, init=False)
 
     def __post_init__(self) -> None:
-        self._points, self._weights = legendre_gauss(self.count)
+        self._rules = [legendre_gauss(count) for count in self.counts]
         widths = np.diff(self.breaks)
-        self._tau = (self.breaks[:-1, None] + widths[:, None] * (self._points + 1.0) / 2.0).ravel()
-        starts = np.column_stack([self.breaks[:-1], self._tau.reshape(-1, self.count)])
-        self._state_tau = np.append(starts.ravel(), 1.0)
+        inside = [
+            start + width * (points + 1.0) / 2.0
+            for start, width, (points, _) in zip(self.breaks[:-1], widths, self._rules, strict=True)
+        ]
+        self.node_tau = np.concatenate(inside)
+        pieces = [
+            part for start, tau in zip(self.breaks[:-1], inside, strict=True) for part in ([start], tau)
+        ]
+        self.state_tau = np.concatenate([*pieces, [1.0]])
+        self._starts = np.cumsum([0, *[count + 1 for count in self.counts]])
+
+    @property
+    def widths(self) -> Vector:
+        """The part of its span of time that each segment takes."""
+        return np.diff(self.breaks)
 
     def allocate(self) -> None:
         """See :class:`Transcription`."""
         start, scaling = self.start, self.scaling
         self._states = [
             self.builder.unknowns(values, scale=scaling.states[i])
-            for i, values in enumerate(start.states_at(self._state_tau))
+            for i, values in enumerate(start.states_at(self.state_tau))
         ]
-        self._controls = [
-            self.builder.unknowns(values, scale=scaling.controls[j], lower=bounds[0], upper=bounds[1])
-            for j, (values, bounds) in enumerate(
-                zip(start.controls_at(self._tau), self.problem.control_bounds, strict=True)
+        for j, values in enumerate(start.controls_at(self.node_tau)):
+            lower, upper = self.control_bounds(j)
+            self._controls.append(
+                self.builder.unknowns(values, scale=scaling.controls[j], lower=lower, upper=upper)
             )
-        ]
+
+    def control_bounds(self, index: int) -> tuple[ArrayLike, ArrayLike]:
+        """Lower and upper bounds of a control at the nodes."""
+        return self.problem.control_bounds[index]
 
     def nodes(self) -> Instants:
         """The nodes and both ends of the segments; controls only stand at the very ends, extrapolated."""
         rows = [self.builder.rows_of(block) for block in self._states]
-        return Instants(self._state_tau, rows, self._end_controls())
+        return Instants(self.state_tau, rows, self._end_controls())
 
     def path_instants(self) -> Instants:
         """The Gauss nodes, where the controls are unknowns."""
-        node = np.delete(np.arange(self._state_tau.size), np.s_[:: self.count + 1])
+        node = np.delete(np.arange(self.state_tau.size), self._starts)
         rows = [self.builder.rows_of(block)[node] for block in self._states]
-        return Instants(self._tau, rows, [self.builder.rows_of(block) for block in self._controls])
+        return Instants(self.node_tau, rows, [self.builder.rows_of(block) for block in self._controls])
 
     def quadrature(self) -> tuple[Instants, Vector]:
         """Gauss quadrature on each segment."""
-        return self.path_instants(), np.outer(np.diff(self.breaks) / 2.0, self._weights).ravel()
+        weights = [width / 2.0 * shares for width, (_, shares) in zip(self.widths, self._rules, strict=True)]
+        return self.path_instants(), np.concatenate(weights)
 
     def constrain_dynamics(self) -> None:
         """Differentiation at the nodes, quadrature to the end of each segment."""
-        slopes = np.zeros((self.count + 1, self.count + 2))
-        slopes[:-1, :-1] = gauss_differentiation_matrix(self.count)
-        slopes[-1, [0, -1]] = -1.0, 1.0
-        segments = self.breaks.size - 1
-        rows = sparse.coo_array(sparse.kron(sparse.eye_array(segments), sparse.coo_array(slopes)))
+        differences, rates = [], []
+        for count, width, (_, shares) in zip(self.counts, self.widths, self._rules, strict=True):
+            slopes = np.zeros((count + 1, count + 2))
+            slopes[:-1, :-1] = gauss_differentiation_matrix(count)
+            slopes[-1, [0, -1]] = -1.0, 1.0
+            differences.append(slopes)
+            rates.append(-width / 2.0 * np.vstack([np.eye(count), shares]))
+        rows = sparse.coo_array(sparse.block_diag(differences))
         # Neighbours share the state between them: the last column of one is the first of the next.
-        shared = rows.col - rows.col // (self.count + 2)
-        differences = sparse.csr_array(
-            (rows.data, (rows.row, shared)), shape=(rows.shape[0], self._state_tau.size)
-        )
-        local = np.vstack([np.eye(self.count), self._weights])
-        rates = sparse.kron(sparse.diags_array(-np.diff(self.breaks) / 2.0), sparse.coo_array(local))
-        states = [self.builder.rows_of(block, differences) for block in self._states]
-        self.add_defects(states, self.apply_rate(self.path_instants()), sparse.csr_array(rates))
+        segment = np.repeat(np.arange(len(self.counts)), np.array(self.counts) + 2)
+        shared = rows.col - segment[rows.col]
+        matrix = sparse.csr_array((rows.data, (rows.row, shared)), shape=(rows.shape[0], self.state_tau.size))
+        states = [self.builder.rows_of(block, matrix) for block in self._states]
+        places = self.apply_rate(self.path_instants())
+        self.add_defects(states, places, sparse.csr_array(sparse.block_diag(rates)))
 
     def read(self, unknowns: Vector) -> Trajectory:
         """See :class:`Transcription`."""
-        t0, tf = (float(unknowns[block.start]) for block in self.times)
-        segments = self.breaks.size - 1
-        states = [unknowns[block.start : block.stop - 1].reshape(segments, -1) for block in self._states]
-        controls = [unknowns[block.start : block.stop].reshape(segments, -1) for block in self._controls]
+        breaks, times = self.read_breaks(unknowns)
+        states = {
+            name: self._curve(breaks, unknowns[block.start : block.stop], with_ends=True)
+            for name, block in zip(self.problem.states, self._states, strict=True)
+        }
+        controls = {
+            name: self._curve(breaks, unknowns[block.start : block.stop], with_ends=False)
+            for name, block in zip(self.problem.controls, self._controls, strict=True)
+        }
+        nodes = gauss_nodes(breaks, self.counts)
         return Trajectory(
-            t0,
-            tf,
-            {
-                name: LagrangeCurve(self.breaks, gauss_support(self.count), values)
-                for name, values in zip(self.problem.states, states, strict=True)
-            },
-            {
-                name: LagrangeCurve(self.breaks, self._points, values)
-                for name, values in zip(self.problem.controls, controls, strict=True)
-            },
+            *times,
+            states,
+            controls,
             interpolation="polynomial",
-            basis={"name": LAGRANGE, "nodes": self.count, "segments": segments},
-            breakpoints=self._state_tau,
-            nodes=self._state_tau,
+            basis={"name": LAGRANGE, "breaks": breaks.tolist(), "nodes": list(self.counts)},
+            breakpoints=nodes,
+            nodes=nodes,
         )
+
+    def read_breaks(self, unknowns: Vector) -> tuple[Vector, tuple[float, float]]:
+        """The normalised breaks and (t0, tf) of a solution."""
+        t0, tf = (float(unknowns[block.start]) for block in self.times)
+        return self.breaks, (t0, tf)
 
     def spread(self, costates: Vector) -> Vector:
         """Segment by segment, the polynomial through the Gauss nodes gives the values at the ends."""
-        weights = gauss_barycentric_weights(self.count, initial_point=False)
-        to_ends = lagrange_matrix(self._points, weights, np.array([-1.0, 1.0]))
-        by_segment = costates.reshape(costates.shape[0], -1, self.count)
-        ends = by_segment @ to_ends.T
-        starts = np.concatenate([ends[:, :, :1], by_segment], axis=2)
-        return np.column_stack([starts.reshape(costates.shape[0], -1), ends[:, -1, 1]])
+        pieces = []
+        for values, to_ends in zip(self._by_segment(costates), self._to_ends(), strict=True):
+            ends = values @ to_ends.T
+            pieces += [ends[:, :1], values]
+        return np.column_stack([*pieces, ends[:, 1:]])
+
+    def _curve(self, breaks: Vector, values: Vector, *, with_ends: bool) -> LagrangeCurve:
+        if with_ends:
+            pieces = [values[i:j] for i, j in pairwise(self._starts)]
+            return LagrangeCurve(breaks, tuple(map(gauss_support, self.counts)), tuple(pieces))
+        points = tuple(points for points, _ in self._rules)
+        return LagrangeCurve(breaks, points, tuple(self._by_segment(values)))
+
+    def _by_segment(self, values: Vector) -> list[Vector]:
+        return np.split(values, np.cumsum(self.counts)[:-1], axis=-1)
+
+    def _to_ends(self) -> list[Vector]:
+        """For each segment the matrix from values at its Gauss nodes to its two ends."""
+        ends = np.array([-1.0, 1.0])
+        return [
+            lagrange_matrix(points, gauss_barycentric_weights(count, initial_point=False), ends)
+            for count, (points, _) in zip(self.counts, self._rules, strict=True)
+        ]
 
     def _end_controls(self) -> list[sparse.csr_array]:
-        weights = gauss_barycentric_weights(self.count, initial_point=False)
-        ends = lagrange_matrix(self._points, weights, np.array([-1.0, 1.0]))
-        rows = sparse.lil_array((self._state_tau.size, self._tau.size))
-        rows[0, : self.count], rows[-1, -self.count :] = ends
+        to_ends = self._to_ends()
+        rows = sparse.lil_array((self.state_tau.size, self.node_tau.size))
+        rows[0, : self.counts[0]], rows[-1, -self.counts[-1] :] = to_ends[0][0], to_ends[-1][1]
         return [self.builder.rows_of(block, sparse.csr_array(rows)) for block in self._controls]

@@ -25,7 +25,7 @@ def transcribe(name: str, document: dict[str, Any]) -> Transcription:
         case "swcm":
             return SplineWavelet(*common, 5, 1)
         case "gpm":
-            return GaussPseudospectral(*common, np.array([0.0, 0.4, 1.0]), 4)
+            return GaussPseudospectral(*common, np.array([0.0, 0.4, 1.0]), (4, 3))
         case _:
             return HermiteSimpson(*common, np.array([0.0, 0.3, 0.5, 1.0]))
 

@@ -25,18 +25,22 @@ def failed(verification: Verification) -> set[str]:
     return {check.name for check in verification.checks if not check.passed}
 
 
+def piecewise(breaks: np.ndarray, values: np.ndarray) -> LagrangeCurve:
+    """A parabola on each segment by its values at start, middle and end."""
+    return LagrangeCurve(breaks, (np.array([-1.0, 0.0, 1.0]),) * len(values), tuple(values))
+
+
 def rest_to_rest(problem: OptimalControlProblem, push: float = 1.0) -> Trajectory:
     """The exact minimum-time push of the rigid body: x = t^2 / 2, then its mirror image; t_f = 2."""
     breaks = np.array([0.0, 0.5, 1.0])
-    support = np.array([-1.0, 0.0, 1.0])
     position = np.array([[0.0, 0.125, 0.5], [0.5, 0.875, 1.0]])
     velocity = np.array([[0.0, 0.5, 1.0], [1.0, 0.5, 0.0]])
     control = np.array([[push] * 3, [-push] * 3])
     return Trajectory(
         0.0,
         2.0,
-        {"x": LagrangeCurve(breaks, support, position), "x_dot": LagrangeCurve(breaks, support, velocity)},
-        {"u": LagrangeCurve(breaks, support, control)},
+        {"x": piecewise(breaks, position), "x_dot": piecewise(breaks, velocity)},
+        {"u": piecewise(breaks, control)},
         "polynomial",
         {},
         breaks,
@@ -64,7 +68,7 @@ def test_a_control_over_its_bound_is_clipped_and_reported(problem: OptimalContro
     """Flown at 1 instead of the promised 1.25, the body stops at 1 and not at 1.25."""
     exact = rest_to_rest(problem)
     states = {
-        name: LagrangeCurve(curve.breaks, curve.support, 1.25 * curve.values)
+        name: piecewise(curve.breaks, 1.25 * np.array(curve.values))
         for name, curve in exact.states.items()
         if isinstance(curve, LagrangeCurve)
     }
@@ -77,7 +81,7 @@ def test_a_control_over_its_bound_is_clipped_and_reported(problem: OptimalContro
 def test_a_promise_that_the_dynamics_break_is_located(problem: OptimalControlProblem) -> None:
     exact = rest_to_rest(problem)
     bent = np.array([[0.0, 0.125, 0.5], [0.5, 0.875 + 0.1, 1.0]])
-    states = {**exact.states, "x": LagrangeCurve(exact.breakpoints, np.array([-1.0, 0.0, 1.0]), bent)}
+    states = {**exact.states, "x": piecewise(exact.breakpoints, bent)}
     verification = checked(problem, replace(exact, states=states))
     assert failed(verification) == {"state_error"}
     report = verification.states["x"]
