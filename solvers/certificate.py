@@ -36,13 +36,40 @@ def hamiltonian_drift(
     return float(wander / magnitude) if magnitude > 0.0 else 0.0
 
 
+def switching_functions(problem: OptimalControlProblem, trajectory: Trajectory, costates: Vector) -> Vector:
+    """dH/du_j at the nodes, (m, K), by central differences: exact where H is linear in u."""
+    tau = trajectory.nodes
+    states, controls, times = trajectory.states_at(tau), trajectory.controls_at(tau), trajectory.time(tau)
+    values = []
+    for index, bounds in enumerate(problem.control_bounds):
+        width = bounds[1] - bounds[0]
+        step = np.zeros_like(controls)
+        step[index] = 1e-4 * (width if np.isfinite(width) else max(1.0, float(np.abs(controls[index]).max())))
+        ahead, behind = (_sum(problem, states, controls + s * step, times, costates) for s in (1.0, -1.0))
+        values.append((ahead - behind) / (2.0 * step[index]))
+    return np.array(values).reshape(-1, tau.size)
+
+
+def _sum(
+    problem: OptimalControlProblem, states: Vector, controls: Vector, times: Vector, costates: Vector
+) -> Vector:
+    return np.asarray(_terms_at(problem, states, controls, times, costates).sum(axis=0), np.float64)
+
+
 def _terms(problem: OptimalControlProblem, trajectory: Trajectory, costates: Vector) -> Vector:
     """The running cost and lambda_i f_i at the nodes, (n + 1, K)."""
     tau = trajectory.nodes
-    states, controls = trajectory.states_at(tau), trajectory.controls_at(tau)
-    scope = problem.scope(states, controls, trajectory.time(tau), problem.parameters)
+    return _terms_at(
+        problem, trajectory.states_at(tau), trajectory.controls_at(tau), trajectory.time(tau), costates
+    )
+
+
+def _terms_at(
+    problem: OptimalControlProblem, states: Vector, controls: Vector, times: Vector, costates: Vector
+) -> Vector:
+    scope = problem.scope(states, controls, times, problem.parameters)
     with np.errstate(all="ignore"):  # the last iterate of a failed solve may have no finite rate
         rates = problem.dynamics.rate(scope, NUMPY)
         cost = 0.0 if problem.running_cost is None else problem.running_cost.evaluate(scope, NUMPY.functions)
         products = [costate * rate for costate, rate in zip(costates, rates, strict=True)]
-    return np.array(np.broadcast_arrays(cost, *products, tau)[:-1], np.float64)
+    return np.array(np.broadcast_arrays(cost, *products, times)[:-1], np.float64)

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from solvers.backends import Backend
+from solvers.backends import NUMPY, Backend
 from solvers.expressions import Expression, parse
 from solvers.guess import Guess, make_guess
 from solvers.spec import (
@@ -28,6 +28,7 @@ from solvers.spec import (
     final_intervals,
     initial_intervals,
 )
+from solvers.trajectory import Trajectory
 
 Vector = NDArray[np.float64]
 Values = Sequence[Any] | Vector
@@ -189,6 +190,13 @@ class OptimalControlProblem:
     def rate(self, x: Values, u: Values, t: Any, parameters: Parameters, backend: Backend) -> list[Any]:
         """Evaluate f(x, u, t), one value a state."""
         return self.dynamics.rate(self.scope(x, u, t, parameters), backend)
+
+    def rates_at(self, trajectory: Trajectory, tau: Vector) -> Vector:
+        """Evaluate f along a trajectory at K normalised times, (n, K); not finite where the model is not."""
+        x, u, t = trajectory.states_at(tau), trajectory.controls_at(tau), trajectory.time(tau)
+        with np.errstate(all="ignore"):
+            rates = self.rate(x, u, t, self.parameters, NUMPY)
+        return np.array(np.broadcast_arrays(*rates, t)[:-1], np.float64)
 
     def scope(self, x: Values, u: Values, t: Any, parameters: Parameters) -> dict[str, Any]:
         """Name the values of one instant as expressions of the trajectory know them."""
