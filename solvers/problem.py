@@ -10,7 +10,7 @@ name, and the backend to which the values belong.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Hashable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -53,6 +53,8 @@ class FirstOrderDynamics:
     """x_i' = f_i(x, u, t), one expression a state."""
 
     model: FirstOrderModel
+    layout: Hashable = ()
+    """What tells apart models with the same list of expressions."""
 
     @property
     def expressions(self) -> list[Expression]:
@@ -78,6 +80,11 @@ class MechanicalDynamics:
         model = self.model
         matrices = (model.mass, model.damping or (), model.stiffness or (), model.input, (model.force or (),))
         return [parse(entry) for matrix in matrices for row in matrix for entry in row]
+
+    @property
+    def layout(self) -> Hashable:
+        """Which of the optional matrices there are: what tells apart models with the same expressions."""
+        return tuple(part is None for part in (self.model.damping, self.model.stiffness, self.model.force))
 
     @property
     def coordinates(self) -> int:
@@ -179,6 +186,22 @@ class OptimalControlProblem:
                 ends=(initial_state, final_state),
                 bounds=(state_bounds, control_bounds),
             ),
+        )
+
+    @property
+    def structure(self) -> Hashable:
+        """Names and expressions: all that a program is made of but numbers."""
+        costs = [item and item.text for item in (self.terminal_cost, self.running_cost)]
+        return (
+            type(self.dynamics).__name__,
+            self.states,
+            self.controls,
+            tuple(self.parameters),
+            self.dynamics.layout,
+            tuple(item.text for item in self.dynamics.expressions),
+            tuple(item.expression.text for item in self.path),
+            tuple(item.expression.text for item in self.boundary),
+            tuple(costs),
         )
 
     @property

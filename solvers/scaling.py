@@ -23,26 +23,40 @@ class Scaling:
 
 
 def automatic_scaling(problem: OptimalControlProblem) -> Scaling:
-    """Take each magnitude from two-sided bounds, else from ends and guess; 1 where all of these are zero."""
+    """Take each magnitude from two-sided bounds, else from ends and guess; 1 where all of these are zero.
+
+    Powers of two: they add no rounding, and problems that differ a little are scaled alike.
+    """
     tau = np.linspace(0.0, 1.0, 33)
     states, controls = problem.guess.states_at(tau), problem.guess.controls_at(tau)
     return Scaling(
         states=np.array(
             [
-                _magnitude(bounds, [*problem.initial_state[i], *problem.final_state[i], *states[i]])
+                _typical(bounds, [*problem.initial_state[i], *problem.final_state[i], *states[i]])
                 for i, bounds in enumerate(problem.state_bounds)
             ]
         ),
         controls=np.array(
-            [_magnitude(bounds, list(controls[j])) for j, bounds in enumerate(problem.control_bounds)]
+            [_typical(bounds, list(controls[j])) for j, bounds in enumerate(problem.control_bounds)]
         ),
-        time=max(abs(problem.guess.t0), abs(problem.guess.tf)) or 1.0,
+        time=nearest_power_of_two(max(abs(problem.guess.t0), abs(problem.guess.tf))),
         objective=1.0,
     )
 
 
-def _magnitude(bounds: Interval, values: list[float]) -> float:
+def magnitude(interval: Interval) -> float:
+    """A typical size of a quantity that is held within this interval; 1 where it tells none."""
+    return nearest_power_of_two(max((abs(bound) for bound in interval if np.isfinite(bound)), default=0.0))
+
+
+def nearest_power_of_two(size: float) -> float:
+    """The power of two nearest to a positive size (by ratio), 1 for zero and what is not finite."""
+    if not np.isfinite(size) or size <= 0.0:
+        return 1.0
+    return float(2.0 ** np.round(np.log2(size)))
+
+
+def _typical(bounds: Interval, values: list[float]) -> float:
     if np.isfinite(bounds).all():
-        return float(max(abs(bounds[0]), abs(bounds[1]))) or 1.0
-    finite = [abs(value) for value in values if np.isfinite(value)]
-    return float(max(finite, default=0.0)) or 1.0
+        return magnitude(bounds)
+    return nearest_power_of_two(max((abs(value) for value in values if np.isfinite(value)), default=0.0))

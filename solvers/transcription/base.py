@@ -12,7 +12,7 @@ P = (tau, parameters).
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Collection, Sequence
+from collections.abc import Callable, Collection, Hashable, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -24,10 +24,10 @@ from scipy import sparse
 from solvers.guess import Start
 from solvers.problem import Constraint, Interval, OptimalControlProblem
 from solvers.program import NonlinearProgram
-from solvers.scaling import Scaling
+from solvers.scaling import Scaling, magnitude
 from solvers.symbolic import CASADI
 from solvers.trajectory import Trajectory
-from solvers.transcription.builder import Places, ProgramBuilder
+from solvers.transcription.builder import Intervals, Places, ProgramBuilder, fixed
 
 Vector = NDArray[np.float64]
 
@@ -74,7 +74,8 @@ class NodeSymbols:
 class Transcription(ABC):
     """A problem on a mesh, to be solved from ``start``.
 
-    ``program()`` builds the scaled program, ``trajectory(w)`` reads its solution.
+    ``program()`` builds the scaled program, ``trajectory(w)`` reads its solution. What enters the builder as
+    a function of the transcription (``this``) must not use numbers of the transcription that builds.
     """
 
     problem: OptimalControlProblem
@@ -111,23 +112,54 @@ class Transcription(ABC):
     def read(self, unknowns: Vector) -> Trajectory:
         """The trajectory that these unknowns (unscaled) stand for."""
 
-    def program(self) -> NonlinearProgram:
-        """Build the scaled program."""
-        problem, builder = self.problem, self.builder
-        self.allocate()
-        times = self.start.t0, self.start.tf
-        bounds = problem.initial_time, problem.final_time
-        self.times = [
-            builder.unknowns(np.array([time]), scale=self.scaling.time, lower=lower, upper=upper)
-            for time, (lower, upper) in zip(times, bounds, strict=True)
+    @property
+    @abstractmethod
+    def mesh(self) -> Hashable:
+        """What of the mesh enters matrices: equal for transcriptions that may share a builder."""
+
+    @property
+    def key(self) -> Hashable:
+        """Equal for transcriptions whose programs differ in numbers only; they may share a builder.
+
+        Expressions, names, the mesh, which bounds there are, and the numbers that scale or enter matrices.
+        """
+        problem, scaling = self.problem, self.scaling
+        moving = [
+            (problem.state_bounds[i], problem.initial_state[i], problem.final_state[i]) for i in self.per_tau
         ]
+        ends = zip(problem.state_bounds, problem.initial_state, problem.final_state, strict=True)
+        return (
+            type(self).__name__,
+            self.mesh,
+            problem.structure,
+            tuple(tuple(_sides(interval) for interval in intervals) for intervals in ends),
+            tuple(moving),
+            self._times_may_cross,
+            (*scaling.states, *scaling.controls, scaling.time, scaling.objective),
+            tuple(magnitude(item.interval) for item in (*problem.path, *problem.boundary)),
+        )
+
+    def program(self) -> NonlinearProgram:
+        """The scaled program."""
+        if not self.builder.size:
+            self._build()
+        return self.builder.program(self, self.scaling.objective)
+
+    def _build(self) -> None:
+        self.allocate()
+        self.builder.unknowns(
+            "times",
+            (2, 1),
+            scale=self.scaling.time,
+            initial=lambda this: [[this.start.t0], [this.start.tf]],
+            bounds=lambda this: _columns([this.problem.initial_time, this.problem.final_time]),
+        )
         self.constrain_dynamics()
         self._hold_states()
         self._order_times()
         self._add_ends()
         self._add_path()
         self._add_running_cost()
-        return builder.program(self.scaling.objective)
 
     def trajectory(self, scaled: Vector) -> Trajectory:
         """The trajectory of a (scaled) solution of the program."""
@@ -141,7 +173,7 @@ class Transcription(ABC):
         node, and by (B' mu)_k (tf - t0) d through the defects; hence lambda_k = (B' mu)_k / w_k. For Gauss
         points this is the mapping of Benson et al. (2006).
         """
-        adjoint = self.builder.adjoint(self._rates, row_multipliers) * self.scaling.objective
+        adjoint = self.builder.adjoint(self.builder.places["rates"], row_multipliers) * self.scaling.objective
         _, weights = self.quadrature()
         return self.spread(adjoint.reshape(weights.size, -1).T / weights)
 
@@ -153,16 +185,20 @@ class Transcription(ABC):
         self, function: ca.Function, instants: Instants, extra: Sequence[sparse.csr_array] = ()
     ) -> Places:
         """Apply a function of :class:`NodeSymbols` at these instants."""
-        count = instants.tau.size
-        span = instants.span or self.span(count)
-        numbers = np.vstack([instants.tau, np.tile(list(self.problem.parameters.values()), (count, 1)).T])
+        span = instants.span or self.span(instants.tau.size)
         blocks = [*instants.states, *extra, *instants.controls, *span]
+        tau = instants.tau
+
+        def numbers(this: Transcription) -> Vector:
+            parameters = np.array(list(this.problem.parameters.values()), np.float64)
+            return np.vstack([tau, np.tile(parameters[:, None], (1, tau.size))])
+
         return self.builder.apply(function, blocks, numbers)
 
     def span(self, count: int) -> tuple[sparse.csr_array, sparse.csr_array]:
         """Rows of t0 and of tf, ``count`` times each."""
         ones = sparse.csr_array(np.ones((count, 1)))
-        t0, tf = (self.builder.rows_of(block, ones) for block in self.times)
+        t0, tf = (self.builder.rows_of(block, ones) for block in self.builder.blocks["times"])
         return t0, tf
 
     def apply_rate(self, instants: Instants) -> Places:
@@ -178,12 +214,11 @@ class Transcription(ABC):
 
         ``states``: R x unknowns for each state; ``rates``: R x K for the K places of :meth:`apply_rate`.
         """
-        self._rates = places
+        self.builder.places["rates"] = places
         n, count = len(states), states[0].shape[0]
         order = np.arange(n * count).reshape(n, count).T.ravel()
         self.builder.constrain(
-            0.0,
-            0.0,
+            fixed(0.0, 0.0),
             scale=np.tile(self.scaling.states, count),
             linear=sparse.csr_array(sparse.vstack(states, format="csr")[order]),
             places=places,
@@ -192,16 +227,22 @@ class Transcription(ABC):
 
     def _hold_states(self) -> None:
         nodes = self.nodes()
-        problem = self.problem
-        t0, tf = self.span(nodes.tau.size)
+        count = nodes.tau.size
+        t0, tf = self.span(count)
         for i, rows in enumerate(nodes.states):
-            lower, upper = (np.full(nodes.tau.size, bound) for bound in problem.state_bounds[i])
-            for index, end in ((0, problem.initial_state[i]), (-1, problem.final_state[i])):
-                lower[index], upper[index] = max(lower[index], end[0]), min(upper[index], end[1])
             if i in self.per_tau:
+                lower, upper = self.state_bounds(i, count)
                 self._hold_slopes(rows, tf - t0, lower, upper, self.scaling.states[i] * self.scaling.time)
             else:
-                self.builder.hold(rows, lower, upper, scale=self.scaling.states[i])
+                self.builder.hold(self, rows, _bounds_of_state(i, count), scale=self.scaling.states[i])
+
+    def state_bounds(self, index: int, count: int) -> tuple[Vector, Vector]:
+        """Bounds of a state at ``count`` nodes, of which the first and the last meet the end conditions."""
+        problem = self.problem
+        lower, upper = (np.full(count, bound) for bound in problem.state_bounds[index])
+        for node, end in ((0, problem.initial_state[index]), (-1, problem.final_state[index])):
+            lower[node], upper[node] = max(lower[node], end[0]), min(upper[node], end[1])
+        return lower, upper
 
     def _hold_slopes(
         self, rows: sparse.csr_array, duration: sparse.csr_array, lower: Vector, upper: Vector, scale: float
@@ -214,12 +255,16 @@ class Transcription(ABC):
             (upper, np.isfinite(upper) & ~equal, (-np.inf, 0.0)),
         ):
             linear = rows[wanted] - sparse.diags_array(side[wanted]) @ duration[wanted]
-            self.builder.constrain(*limits, scale=scale, linear=linear)
+            self.builder.constrain(fixed(*limits), scale=scale, linear=linear)
+
+    @property
+    def _times_may_cross(self) -> bool:
+        return self.problem.final_time[0] <= self.problem.initial_time[1]
 
     def _order_times(self) -> None:
-        if self.problem.final_time[0] <= self.problem.initial_time[1]:
+        if self._times_may_cross:
             t0, tf = self.span(1)
-            self.builder.constrain(0.0, np.inf, scale=self.scaling.time, linear=tf - t0)
+            self.builder.constrain(fixed(0.0, np.inf), scale=self.scaling.time, linear=tf - t0)
 
     def _add_ends(self) -> None:
         problem = self.problem
@@ -249,9 +294,11 @@ class Transcription(ABC):
         values = [ca.SX(expression.evaluate(scope, CASADI.functions)) for expression in expressions]
         blocks = [rows[[side]] for side in (0, -1) for rows in (*nodes.states, *nodes.controls)]
         blocks += self.span(1)
-        numbers = np.array(list(problem.parameters.values())).reshape(-1, 1)
-        places = self.builder.apply(ca.Function("ends", [z, p], [ca.vertcat(*values)]), blocks, numbers)
-        self._constrain_expressions(places, problem.boundary, 1)
+        function = ca.Function("ends", [z, p], [ca.vertcat(*values)])
+        places = self.builder.apply(
+            function, blocks, lambda this: np.array([*this.problem.parameters.values()]).reshape(-1, 1)
+        )
+        self._constrain_expressions(places, problem.boundary, 1, lambda this: this.problem.boundary)
         if problem.terminal_cost is not None:
             self.builder.cost(places, np.eye(len(values))[-1])
 
@@ -263,18 +310,23 @@ class Transcription(ABC):
         values = [item.expression.evaluate(symbols.scope, CASADI.functions) for item in problem.path]
         instants = self.path_instants()
         places = self.apply(symbols.function("path", values), instants)
-        self._constrain_expressions(places, problem.path, instants.tau.size)
+        self._constrain_expressions(places, problem.path, instants.tau.size, lambda this: this.problem.path)
 
-    def _constrain_expressions(self, places: Places, constraints: Sequence[Constraint], count: int) -> None:
-        """Hold the leading values of each of ``count`` places within the intervals of the constraints."""
+    def _constrain_expressions(
+        self,
+        places: Places,
+        constraints: Sequence[Constraint],
+        count: int,
+        which: Callable[[Any], Sequence[Constraint]],
+    ) -> None:
+        """Hold the leading values of each of ``count`` places within the intervals of ``which``."""
         if not constraints:
             return
         per_place = places.values // count
         index = (np.arange(count)[:, None] * per_place + np.arange(len(constraints))).ravel()
         self.builder.constrain(
-            np.tile([item.interval[0] for item in constraints], count),
-            np.tile([item.interval[1] for item in constraints], count),
-            scale=np.tile([_magnitude(item.interval) for item in constraints], count),
+            lambda this: _tiled([item.interval for item in which(this)], count),
+            scale=np.tile([magnitude(item.interval) for item in constraints], count),
             places=places,
             scatter=sparse.csr_array(sparse.eye_array(places.values, format="csr")[index]),
         )
@@ -290,6 +342,26 @@ class Transcription(ABC):
         self.builder.cost(places, weights)
 
 
-def _magnitude(interval: Interval) -> float:
-    finite = [abs(bound) for bound in interval if np.isfinite(bound)]
-    return max(finite, default=0.0) or 1.0
+def _bounds_of_state(index: int, count: int) -> Intervals:
+    return lambda this: this.state_bounds(index, count)
+
+
+def _sides(interval: Interval) -> tuple[bool, bool, bool]:
+    """Which sides are bounded, and whether they meet."""
+    return bool(np.isfinite(interval[0])), bool(np.isfinite(interval[1])), interval[0] == interval[1]
+
+
+def _columns(intervals: Sequence[Interval]) -> tuple[Vector, Vector]:
+    """Lower and upper ends of n intervals, each (n, 1)."""
+    both = np.array(intervals, np.float64).reshape(-1, 2)
+    return both[:, :1], both[:, 1:]
+
+
+def control_columns(this: Transcription) -> tuple[Vector, Vector]:
+    """Bounds of the controls, each (m, 1): for unknowns that are values of the controls."""
+    return _columns(this.problem.control_bounds)
+
+
+def _tiled(intervals: Sequence[Interval], count: int) -> tuple[Vector, Vector]:
+    both = np.tile(np.array(intervals, np.float64).reshape(-1, 2), (count, 1))
+    return both[:, 0], both[:, 1]

@@ -15,11 +15,12 @@ orthogonal collocation method", J. Guidance, Control, and Dynamics 29(6), 2006, 
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from collections.abc import Hashable
+from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 from scipy import sparse
 
 from solvers.bases.legendre import (
@@ -32,7 +33,8 @@ from solvers.bases.legendre import (
 from solvers.coefficients import LAGRANGE, gauss_nodes
 from solvers.curves import LagrangeCurve
 from solvers.trajectory import Trajectory
-from solvers.transcription.base import Instants, Transcription
+from solvers.transcription.base import Instants, Transcription, control_columns
+from solvers.transcription.builder import fixed
 
 Vector = NDArray[np.float64]
 
@@ -43,8 +45,6 @@ class GaussPseudospectral(Transcription):
 
     breaks: Vector
     counts: tuple[int, ...]
-    _states: list[range] = field(default_factory=list, init=False)
-    _controls: list[range] = field(default_factory=list, init=False)
 
     def __post_init__(self) -> None:
         self._rules = [legendre_gauss(count) for count in self.counts]
@@ -65,33 +65,44 @@ class GaussPseudospectral(Transcription):
         """The part of its span of time that each segment takes."""
         return np.diff(self.breaks)
 
+    @property
+    def mesh(self) -> Hashable:
+        """Breaks and numbers of nodes."""
+        return tuple(self.breaks), self.counts
+
     def allocate(self) -> None:
         """See :class:`Transcription`."""
-        start, scaling = self.start, self.scaling
-        self._states = [
-            self.builder.unknowns(values, scale=scaling.states[i])
-            for i, values in enumerate(start.states_at(self.state_tau))
-        ]
-        for j, values in enumerate(start.controls_at(self.node_tau)):
-            lower, upper = self.control_bounds(j)
-            self._controls.append(
-                self.builder.unknowns(values, scale=scaling.controls[j], lower=lower, upper=upper)
-            )
+        self.builder.unknowns(
+            "states",
+            (len(self.problem.states), self.state_tau.size),
+            scale=self.scaling.states,
+            initial=lambda this: this.start.states_at(this.state_tau),
+            bounds=fixed(-np.inf, np.inf),
+        )
+        self.builder.unknowns(
+            "controls",
+            (len(self.problem.controls), self.node_tau.size),
+            scale=self.scaling.controls,
+            initial=lambda this: this.start.controls_at(this.node_tau),
+            bounds=lambda this: this.control_bounds(),
+        )
 
-    def control_bounds(self, index: int) -> tuple[ArrayLike, ArrayLike]:
-        """Lower and upper bounds of a control at the nodes."""
-        return self.problem.control_bounds[index]
+    def control_bounds(self) -> tuple[Vector, Vector]:
+        """Lower and upper bounds of the controls at the nodes, to be broadcast to (m, K)."""
+        return control_columns(self)
 
     def nodes(self) -> Instants:
         """The nodes and both ends of the segments; controls only stand at the very ends, extrapolated."""
-        rows = [self.builder.rows_of(block) for block in self._states]
+        rows = [self.builder.rows_of(block) for block in self.builder.blocks["states"]]
         return Instants(self.state_tau, rows, self._end_controls())
 
     def path_instants(self) -> Instants:
         """The Gauss nodes, where the controls are unknowns."""
         node = np.delete(np.arange(self.state_tau.size), self._starts)
-        rows = [self.builder.rows_of(block)[node] for block in self._states]
-        return Instants(self.node_tau, rows, [self.builder.rows_of(block) for block in self._controls])
+        rows = [self.builder.rows_of(block)[node] for block in self.builder.blocks["states"]]
+        return Instants(
+            self.node_tau, rows, [self.builder.rows_of(block) for block in self.builder.blocks["controls"]]
+        )
 
     def quadrature(self) -> tuple[Instants, Vector]:
         """Gauss quadrature on each segment."""
@@ -112,7 +123,7 @@ class GaussPseudospectral(Transcription):
         segment = np.repeat(np.arange(len(self.counts)), np.array(self.counts) + 2)
         shared = rows.col - segment[rows.col]
         matrix = sparse.csr_array((rows.data, (rows.row, shared)), shape=(rows.shape[0], self.state_tau.size))
-        states = [self.builder.rows_of(block, matrix) for block in self._states]
+        states = [self.builder.rows_of(block, matrix) for block in self.builder.blocks["states"]]
         places = self.apply_rate(self.path_instants())
         self.add_defects(states, places, sparse.csr_array(sparse.block_diag(rates)))
 
@@ -121,11 +132,11 @@ class GaussPseudospectral(Transcription):
         breaks, times = self.read_breaks(unknowns)
         states = {
             name: self._curve(breaks, unknowns[block.start : block.stop], with_ends=True)
-            for name, block in zip(self.problem.states, self._states, strict=True)
+            for name, block in zip(self.problem.states, self.builder.blocks["states"], strict=True)
         }
         controls = {
             name: self._curve(breaks, unknowns[block.start : block.stop], with_ends=False)
-            for name, block in zip(self.problem.controls, self._controls, strict=True)
+            for name, block in zip(self.problem.controls, self.builder.blocks["controls"], strict=True)
         }
         nodes = gauss_nodes(breaks, self.counts)
         return Trajectory(
@@ -140,7 +151,7 @@ class GaussPseudospectral(Transcription):
 
     def read_breaks(self, unknowns: Vector) -> tuple[Vector, tuple[float, float]]:
         """The normalised breaks and (t0, tf) of a solution."""
-        t0, tf = (float(unknowns[block.start]) for block in self.times)
+        t0, tf = (float(unknowns[block.start]) for block in self.builder.blocks["times"])
         return self.breaks, (t0, tf)
 
     def spread(self, costates: Vector) -> Vector:
@@ -173,4 +184,6 @@ class GaussPseudospectral(Transcription):
         to_ends = self._to_ends()
         rows = sparse.lil_array((self.state_tau.size, self.node_tau.size))
         rows[0, : self.counts[0]], rows[-1, -self.counts[-1] :] = to_ends[0][0], to_ends[-1][1]
-        return [self.builder.rows_of(block, sparse.csr_array(rows)) for block in self._controls]
+        return [
+            self.builder.rows_of(block, sparse.csr_array(rows)) for block in self.builder.blocks["controls"]
+        ]

@@ -19,7 +19,8 @@ J. Guidance 10(4), 1987, doi 10.2514/3.20223; Betts, Practical Methods for Optim
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from collections.abc import Hashable
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,7 +30,8 @@ from solvers.backends import NUMPY
 from solvers.coefficients import HERMITE
 from solvers.curves import HermiteCurve, QuadraticCurve
 from solvers.trajectory import Trajectory
-from solvers.transcription.base import Instants, Transcription
+from solvers.transcription.base import Instants, Transcription, control_columns
+from solvers.transcription.builder import fixed
 
 Vector = NDArray[np.float64]
 
@@ -39,34 +41,41 @@ class HermiteSimpson(Transcription):
     """Hermite-Simpson on the intervals between ``knots`` (normalised, from 0 to 1)."""
 
     knots: Vector
-    _states: list[range] = field(default_factory=list, init=False)
-    _controls: list[range] = field(default_factory=list, init=False)
 
     def __post_init__(self) -> None:
-        self._tau = np.empty(2 * self.knots.size - 1)
-        self._tau[::2] = self.knots
-        self._tau[1::2] = (self.knots[1:] + self.knots[:-1]) / 2.0
+        self.tau = np.empty(2 * self.knots.size - 1)
+        self.tau[::2] = self.knots
+        self.tau[1::2] = (self.knots[1:] + self.knots[:-1]) / 2.0
+
+    @property
+    def mesh(self) -> Hashable:
+        """The knots."""
+        return tuple(self.knots)
 
     def allocate(self) -> None:
         """See :class:`Transcription`."""
-        start, scaling = self.start, self.scaling
-        self._states = [
-            self.builder.unknowns(values, scale=scaling.states[i])
-            for i, values in enumerate(start.states_at(self._tau))
-        ]
-        self._controls = [
-            self.builder.unknowns(values, scale=scaling.controls[j], lower=bounds[0], upper=bounds[1])
-            for j, (values, bounds) in enumerate(
-                zip(start.controls_at(self._tau), self.problem.control_bounds, strict=True)
+        for name, scale, initial, bounds in (
+            (
+                "states",
+                self.scaling.states,
+                lambda this: this.start.states_at(this.tau),
+                fixed(-np.inf, np.inf),
+            ),
+            (
+                "controls",
+                self.scaling.controls,
+                lambda this: this.start.controls_at(this.tau),
+                control_columns,
+            ),
+        ):
+            self.builder.unknowns(
+                name, (scale.size, self.tau.size), scale=scale, initial=initial, bounds=bounds
             )
-        ]
 
     def nodes(self) -> Instants:
         """The ends and middles of the intervals."""
-        rows = [
-            [self.builder.rows_of(block) for block in blocks] for blocks in (self._states, self._controls)
-        ]
-        return Instants(self._tau, rows[0], rows[1])
+        rows = [[self.builder.rows_of(block) for block in blocks] for blocks in self._blocks]
+        return Instants(self.tau, rows[0], rows[1])
 
     def path_instants(self) -> Instants:
         """The ends and middles of the intervals."""
@@ -85,16 +94,16 @@ class HermiteSimpson(Transcription):
         order = np.arange(2 * widths.size).reshape(2, -1).T.ravel()
         differences = sparse.csr_array(sparse.vstack([hermite, simpson], format="csr")[order])
         rates = sparse.csr_array(sparse.vstack([hermite_rates, -self._simpson()], format="csr")[order])
-        states = [self.builder.rows_of(block, differences) for block in self._states]
+        states = [self.builder.rows_of(block, differences) for block in self._blocks[0]]
         self.add_defects(states, self.apply_rate(self.nodes()), rates)
 
     def read(self, unknowns: Vector) -> Trajectory:
         """See :class:`Transcription`."""
         problem = self.problem
-        t0, tf = (float(unknowns[block.start]) for block in self.times)
+        t0, tf = (float(unknowns[block.start]) for block in self.builder.blocks["times"])
         states, controls = (
-            np.array([unknowns[block.start : block.stop] for block in blocks]).reshape(-1, self._tau.size)
-            for blocks in (self._states, self._controls)
+            np.array([unknowns[block.start : block.stop] for block in blocks]).reshape(-1, self.tau.size)
+            for blocks in self._blocks
         )
         times = t0 + (tf - t0) * self.knots
         with np.errstate(all="ignore"):  # the last iterate of a failed solve may have no finite rate
@@ -112,8 +121,12 @@ class HermiteSimpson(Transcription):
             interpolation="quadratic",
             basis={"name": HERMITE, "intervals": self.knots.size - 1},
             breakpoints=self.knots,
-            nodes=self._tau,
+            nodes=self.tau,
         )
+
+    @property
+    def _blocks(self) -> tuple[list[range], list[range]]:
+        return self.builder.blocks["states"], self.builder.blocks["controls"]
 
     def _simpson(self) -> sparse.csr_array:
         widths = np.diff(self.knots)
@@ -124,4 +137,4 @@ class HermiteSimpson(Transcription):
         rows = np.repeat(np.arange(left.size), 3)
         columns = (2 * np.arange(left.size)[:, None] + np.arange(3)).ravel()
         entries = np.column_stack([left, middle, right]).ravel()
-        return sparse.csr_array((entries, (rows, columns)), shape=(left.size, self._tau.size))
+        return sparse.csr_array((entries, (rows, columns)), shape=(left.size, self.tau.size))

@@ -18,8 +18,8 @@ spacecraft", Proc. IMechE Part G, 2014, doi 10.1177/0954410014528885, eqs. 36-52
 
 from __future__ import annotations
 
-from collections.abc import Collection
-from dataclasses import dataclass, field
+from collections.abc import Collection, Hashable
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -32,9 +32,11 @@ from solvers.coefficients import SPLINE_WAVELET
 from solvers.costates import second_order_costates
 from solvers.curves import Curve, DerivativeCurve, LinearCurve, SplineCurve
 from solvers.problem import MechanicalDynamics
+from solvers.scaling import nearest_power_of_two
 from solvers.symbolic import CASADI
 from solvers.trajectory import Trajectory
-from solvers.transcription.base import Instants, NodeSymbols, Transcription
+from solvers.transcription.base import Instants, NodeSymbols, Transcription, control_columns
+from solvers.transcription.builder import fixed
 
 Vector = NDArray[np.float64]
 
@@ -45,8 +47,6 @@ class SplineWavelet(Transcription):
 
     L: int
     J: int
-    _coefficients: list[range] = field(default_factory=list, init=False)
-    _controls: list[range] = field(default_factory=list, init=False)
 
     def __post_init__(self) -> None:
         dynamics = self.problem.dynamics
@@ -60,19 +60,33 @@ class SplineWavelet(Transcription):
         """Velocities of a second-order model are derivatives of the splines."""
         return range(self._splines, len(self.problem.states))
 
+    @property
+    def mesh(self) -> Hashable:
+        """The knots, and the scales of the equations of motion, which are numbers of the model."""
+        scale = () if self._mechanical is None else tuple(self._residual_scale())
+        return tuple(self.space.knots), scale
+
     def allocate(self) -> None:
         """See :class:`Transcription`."""
-        start, scaling = self.start, self.scaling
-        coefficients = self.space.interpolate(start.states_at(self.space.interpolation_points).T)
-        self._coefficients = [
-            self.builder.unknowns(coefficients[:, i], scale=scaling.states[i]) for i in range(self._splines)
-        ]
-        self._controls = [
-            self.builder.unknowns(values, scale=scaling.controls[j], lower=bounds[0], upper=bounds[1])
-            for j, (values, bounds) in enumerate(
-                zip(start.controls_at(self.points), self.problem.control_bounds, strict=True)
-            )
-        ]
+        self.builder.unknowns(
+            "coefficients",
+            (self._splines, self.space.dimension),
+            scale=self.scaling.states[: self._splines],
+            initial=lambda this: this.start_coefficients(),
+            bounds=fixed(-np.inf, np.inf),
+        )
+        self.builder.unknowns(
+            "controls",
+            (len(self.problem.controls), self.points.size),
+            scale=self.scaling.controls,
+            initial=lambda this: this.start.controls_at(this.points),
+            bounds=control_columns,
+        )
+
+    def start_coefficients(self) -> Vector:
+        """Coefficients of the splines through the start, one row each; exact where it is a coarser spline."""
+        states = self.start.states_at(self.space.interpolation_points)
+        return self.space.interpolate(states[: self._splines].T).T
 
     def nodes(self) -> Instants:
         """The knots."""
@@ -108,8 +122,8 @@ class SplineWavelet(Transcription):
             accelerations = self._spline_rows(self.points, 2)
             places = self.apply(symbols.function("residual", residual), instants, accelerations)
             scale = np.tile(self._residual_scale(), self.points.size)
-            self.builder.constrain(0.0, 0.0, scale=scale, places=places)
-            self._residual = places
+            self.builder.constrain(fixed(0.0, 0.0), scale=scale, places=places)
+            self.builder.places["residual"] = places
             return
         slopes = self._spline_rows(self.points, 1)
         self.add_defects(
@@ -118,14 +132,18 @@ class SplineWavelet(Transcription):
 
     def read(self, unknowns: Vector) -> Trajectory:
         """See :class:`Transcription`."""
-        t0, tf = (float(unknowns[block.start]) for block in self.times)
+        t0, tf = (float(unknowns[block.start]) for block in self.builder.blocks["times"])
         splines: list[Curve] = [
-            SplineCurve(self.space, unknowns[block.start : block.stop]) for block in self._coefficients
+            SplineCurve(self.space, unknowns[block.start : block.stop])
+            for block in self.builder.blocks["coefficients"]
         ]
         velocities: list[Curve] = [
             DerivativeCurve(splines[i - self._splines], 1.0 / (tf - t0)) for i in self.per_tau
         ]
-        controls = [LinearCurve(self.points, unknowns[block.start : block.stop]) for block in self._controls]
+        controls = [
+            LinearCurve(self.points, unknowns[block.start : block.stop])
+            for block in self.builder.blocks["controls"]
+        ]
         return Trajectory(
             t0,
             tf,
@@ -149,7 +167,7 @@ class SplineWavelet(Transcription):
         which is a residual -M d_k: lambda_v is what has the integrals -M' mu_k / (tf - t0) against these
         splines. For first order the same with degree 2 and the defects.
         """
-        places = self._rates if self._mechanical is None else self._residual
+        places = self.builder.places["rates" if self._mechanical is None else "residual"]
         adjoint = self.builder.adjoint(places, row_multipliers) * self.scaling.objective
         weights = adjoint.reshape(self.points.size, -1)
         if self._mechanical is None:
@@ -167,12 +185,14 @@ class SplineWavelet(Transcription):
         if self._mechanical is not None:
             states += self._spline_rows(tau, 1)
         hats = _hat_functions(self.points, tau)
-        return Instants(tau, states, [self.builder.rows_of(block, hats) for block in self._controls])
+        return Instants(
+            tau, states, [self.builder.rows_of(block, hats) for block in self.builder.blocks["controls"]]
+        )
 
     def _spline_rows(self, tau: Vector, derivative: int) -> list[sparse.csr_array]:
         """Rows of the derivative of each spline with respect to tau."""
         matrix = self.space.matrix(tau, derivative)
-        return [self.builder.rows_of(block, matrix) for block in self._coefficients]
+        return [self.builder.rows_of(block, matrix) for block in self.builder.blocks["coefficients"]]
 
     def _residual_scale(self) -> Vector:
         """The largest inertial term of each equation when the coordinates move by their scales."""
@@ -190,7 +210,7 @@ class SplineWavelet(Transcription):
         ]
         inertial = np.abs(np.column_stack(columns)) * self.scaling.states[: self._splines]
         duration = guess.tf - guess.t0
-        return np.asarray(inertial.max(axis=1) / duration**2, np.float64)
+        return np.array([nearest_power_of_two(size) for size in inertial.max(axis=1) / duration**2])
 
 
 def _hat_functions(points: Vector, tau: Vector) -> sparse.csr_array:
