@@ -33,16 +33,18 @@ def run(
 
     from worker.heartbeat import heartbeat
     from worker.queue import JobQueue, make_celery
+    from worker.shutdown import PatientWorker
     from worker.store import JobStore, connect
     from worker.tasks import SolveTask
 
     celery = make_celery(settings)
     celery.conf.update(
         worker_max_tasks_per_child=settings.tasks_per_child,
-        worker_soft_shutdown_timeout=settings.shutdown_seconds,
+        # A child that died may have left its answer in the pipe; the store would know it, so not for long.
+        worker_lost_wait=1.0,
     )
-    redis = connect(settings, retries=10)
-    celery.register_task(SolveTask(JobStore(redis, settings), round(settings.result_mib * 2**20)))
+    store = JobStore(connect(settings, retries=10), settings)
+    celery.register_task(SolveTask(store, round(settings.result_mib * 2**20)))
     queue = JobQueue(celery, connect(settings), settings)
     celery.steps["consumer"].add(heartbeat(queue, slots, settings.heartbeat_seconds))
 
@@ -51,7 +53,10 @@ def run(
         resource.setrlimit(resource.RLIMIT_AS, (settings.memory_mib * 2**20, resource.RLIM_INFINITY))
 
     worker_process_init.connect(limit_memory, weak=False)
-    worker = celery.Worker(
+    worker = PatientWorker(
+        app=celery,
+        store=JobStore(connect(settings), settings),
+        patience=settings.shutdown_seconds,
         hostname=f"{name or os.getpid()}@{socket.gethostname()}",
         pool="prefork",
         concurrency=slots,

@@ -27,9 +27,14 @@ class Outcome:
     result: bytes | None = None
 
 
+def _title(status: SolveStatus) -> str:
+    """Return what happened, without the advice that follows it."""
+    return status.sentence.partition(". ")[0].removesuffix(".") + "."
+
+
 TIMED_OUT = JobError(
     FailureType.TIME_LIMIT,
-    SolveStatus.TIME_LIMIT.sentence,
+    _title(SolveStatus.TIME_LIMIT),
     "The solve did not come back to its iterations in time, so its process was ended; there is no iterate.",
 )
 
@@ -39,7 +44,7 @@ def of_solution(solution: Solution, job_id: str, limit: int) -> Outcome:
     result = compress(json.dumps(solution.result(job_id), allow_nan=False, separators=(",", ":")).encode())
     if len(result) > limit:
         detail = (
-            f"The compressed result has {len(result) / 2**20:.1f} MiB, the limit is {limit / 2**20:g} MiB. "
+            f"The compressed result has {len(result) / 2**20:.3g} MiB, the limit is {limit / 2**20:.3g} MiB. "
             "Ask for fewer nodes or fewer output samples."
         )
         return _failure(FailureType.INTERNAL, "The result is too large to be kept.", detail)
@@ -47,14 +52,14 @@ def of_solution(solution: Solution, job_id: str, limit: int) -> Outcome:
         return Outcome(JobStatus.SUCCEEDED, result=result)
     if solution.status is SolveStatus.CANCELLED:
         return Outcome(JobStatus.CANCELLED, result=result)
-    error = JobError(FailureType(solution.status.value), solution.status.sentence, solution.message)
+    error = JobError(FailureType(solution.status.value), _title(solution.status), solution.message)
     return Outcome(JobStatus.FAILED, error, result)
 
 
 def of_exception(error: Exception, job_id: str) -> Outcome:
     """Return the end of a job whose solve gave no iterate; the unexpected is logged with its trace."""
     if isinstance(error, EvaluationError):
-        title = SolveStatus.EVALUATION_ERROR.sentence
+        title = _title(SolveStatus.EVALUATION_ERROR)
         return _failure(FailureType.EVALUATION_ERROR, title, f"{error.pointer}: {error.detail}")
     # CasADi and IPOPT say it in C++ words.
     if isinstance(error, MemoryError) or "bad_alloc" in str(error):
