@@ -12,7 +12,7 @@ P = (tau, parameters).
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Collection, Hashable, Sequence
+from collections.abc import Collection, Hashable, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -298,7 +298,9 @@ class Transcription(ABC):
         places = self.builder.apply(
             function, blocks, lambda this: np.array([*this.problem.parameters.values()]).reshape(-1, 1)
         )
-        self._constrain_expressions(places, problem.boundary, 1, lambda this: this.problem.boundary)
+        self._constrain_expressions(
+            places, problem.boundary, 1, lambda this: _tiled(this.problem.boundary, 1)
+        )
         if problem.terminal_cost is not None:
             self.builder.cost(places, np.eye(len(values))[-1])
 
@@ -310,22 +312,27 @@ class Transcription(ABC):
         values = [item.expression.evaluate(symbols.scope, CASADI.functions) for item in problem.path]
         instants = self.path_instants()
         places = self.apply(symbols.function("path", values), instants)
-        self._constrain_expressions(places, problem.path, instants.tau.size, lambda this: this.problem.path)
+        count = instants.tau.size
+        self._constrain_expressions(places, problem.path, count, lambda this: this.path_bounds(count))
+
+    def path_bounds(self, count: int) -> tuple[Vector, Vector]:
+        """Bounds of the path constraints at ``count`` instants, (count constraints,), instant by instant."""
+        return _tiled(self.problem.path, count)
 
     def _constrain_expressions(
         self,
         places: Places,
         constraints: Sequence[Constraint],
         count: int,
-        which: Callable[[Any], Sequence[Constraint]],
+        bounds: Intervals,
     ) -> None:
-        """Hold the leading values of each of ``count`` places within the intervals of ``which``."""
+        """Hold the leading values of each of ``count`` places within ``bounds``, place after place."""
         if not constraints:
             return
         per_place = places.values // count
         index = (np.arange(count)[:, None] * per_place + np.arange(len(constraints))).ravel()
         self.builder.constrain(
-            lambda this: _tiled([item.interval for item in which(this)], count),
+            bounds,
             scale=np.tile([magnitude(item.interval) for item in constraints], count),
             places=places,
             scatter=sparse.csr_array(sparse.eye_array(places.values, format="csr")[index]),
@@ -362,6 +369,7 @@ def control_columns(this: Transcription) -> tuple[Vector, Vector]:
     return _columns(this.problem.control_bounds)
 
 
-def _tiled(intervals: Sequence[Interval], count: int) -> tuple[Vector, Vector]:
-    both = np.tile(np.array(intervals, np.float64).reshape(-1, 2), (count, 1))
+def _tiled(constraints: Sequence[Constraint], count: int) -> tuple[Vector, Vector]:
+    intervals = np.array([item.interval for item in constraints], np.float64)
+    both = np.tile(intervals.reshape(-1, 2), (count, 1))
     return both[:, 0], both[:, 1]
