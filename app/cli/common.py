@@ -24,6 +24,10 @@ class ExitCode(IntEnum):
     BROKEN = 3
 
 
+# Answers of the service that blame the question: no such job, erased, too large, mistakes in the document.
+BAD_INPUT_STATUS = frozenset({404, 410, 413, 422})
+
+
 class CommandGroup(click.Group):
     """The group of all commands: lists them in the order of their making, and tells errors in one line.
 
@@ -56,12 +60,14 @@ class CommandGroup(click.Group):
 
 def _tell_error(error: Exception) -> NoReturn:
     """Tell an error that is not a document's, with the exit code of its kind."""
-    refused = sys.modules.get("app.client_calls")
-    if refused is not None and isinstance(error, refused.RequestRefused):
+    # Imported only now, when there is something to tell: it is not for free.
+    from app.client_calls import JobFailed, RequestRefused
+
+    if isinstance(error, RequestRefused):
         if error.errors:
             refuse_document((fault["pointer"], fault["detail"]) for fault in error.errors)
-        fail(str(error), ExitCode.BAD_INPUT if error.status in (404, 410, 413, 422) else ExitCode.NOT_SOLVED)
-    fail(str(error), ExitCode.BROKEN)
+        fail(str(error), ExitCode.BAD_INPUT if error.status in BAD_INPUT_STATUS else ExitCode.NOT_SOLVED)
+    fail(str(error), ExitCode.NOT_SOLVED if isinstance(error, JobFailed) else ExitCode.BROKEN)
 
 
 def fail(message: str, code: ExitCode) -> NoReturn:

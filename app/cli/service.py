@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import ipaddress
 import signal
 import socket
@@ -78,27 +79,23 @@ def serve(
     insecure: bool,
 ) -> None:
     """Run the whole service: API, workers and a broker of its own. Ctrl-C stops it."""
-    from app.embedded.service import EmbeddedService, ServiceOptions
+    from app.embedded.service import EmbeddedService, ServiceOptions, ServiceStopped, StopRequest
     from app.settings import Settings
     from worker.settings import WorkerSettings
 
     require_loopback(host, insecure)
     load(Settings, broker)
     load(WorkerSettings, broker)
-    stop = _StopRequest()
     options = ServiceOptions(data, host, port, workers, broker, broker_binary, insecure)
-    try:
-        with EmbeddedService(options, click.echo) as service:
-            click.echo(f"API      {service.url}   documentation {service.url}/docs")
-            click.echo("Press Ctrl-C to stop.")
-            stop.postpone()
-            while not stop.asked:
-                service.poll()
-                time.sleep(0.2)
-            click.echo("stopping")
-    except _Stopped:
-        # Asked to stop while starting: what had been started is stopped by now.
-        pass
+    with (
+        contextlib.suppress(ServiceStopped),
+        EmbeddedService(options, click.echo, StopRequest()) as service,
+    ):
+        click.echo(f"API      {service.url}   documentation {service.url}/docs")
+        click.echo("Press Ctrl-C to stop.")
+        while True:
+            service.poll()
+            time.sleep(0.2)
 
 
 def load(settings: type[T], broker: str | None) -> T:
@@ -113,30 +110,6 @@ def load(settings: type[T], broker: str | None) -> T:
             place = "--broker" if name == "broker" and broker is not None else f"ONDELETTE_{name.upper()}"
             click.echo(f"ondelette: {place}: {mistake['msg'].removeprefix('Value error, ')}", err=True)
         raise SystemExit(ExitCode.BAD_INPUT) from None
-
-
-class _Stopped(BaseException):
-    """A signal to stop that came before the service was up."""
-
-
-class _StopRequest:
-    """Ctrl-C, SIGTERM and SIGHUP: interrupt the start, then merely ask the running service to stop."""
-
-    def __init__(self) -> None:
-        self.asked = False
-        self._postponed = False
-        for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
-            signal.signal(number, self._handle)
-
-    def postpone(self) -> None:
-        """From now on only remember the wish: nothing is to be interrupted while it stops."""
-        self._postponed = True
-
-    def _handle(self, number: int, frame: object) -> None:
-        self.asked = True
-        if not self._postponed:
-            self._postponed = True
-            raise _Stopped
 
 
 @click.command()

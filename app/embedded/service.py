@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import signal
 import socket
 import sys
 import time
@@ -16,6 +17,7 @@ from app.embedded.binary import find_server
 from app.embedded.broker import DataDirectory, EmbeddedBroker
 from app.embedded.errors import ServiceStartError
 from app.embedded.supervisor import ChildSpec, Supervisor
+from solvers.errors import OndeletteError
 from worker.settings import WorkerSettings
 
 # How long each may take to stop, in seconds: the API drops waiting clients after 2 s, the broker writes its
@@ -64,17 +66,41 @@ def http_address(listener: socket.socket) -> str:
     return f"http://[{host}]:{port}" if ":" in host else f"http://{host}:{port}"
 
 
+class ServiceStopped(OndeletteError):
+    """The service was asked to stop; it is stopped on leaving its context."""
+
+
+class StopRequest:
+    """Ctrl-C, SIGTERM and SIGHUP as a wish that is remembered until somebody looks.
+
+    An exception thrown by the signal itself could hit between the start of a process and the note of it,
+    and leave that process behind.
+    """
+
+    def __init__(self) -> None:
+        self.asked = False
+        for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+            signal.signal(number, self._remember)
+
+    def _remember(self, number: int, frame: object) -> None:
+        self.asked = True
+
+
 class EmbeddedService:
     """A running service, to be used as a context manager.
 
     The listening socket is opened here and inherited by the API process, so that a port in use is known at
-    once and clients wait, instead of being refused, while the API is started again. Raises
-    ``ServiceStartError`` on entering; whatever was started by then is stopped.
+    once and clients wait, instead of being refused, while the API is started again. Entering raises
+    ``ServiceStartError``, and ``ServiceStopped`` once ``stop`` is asked for; whatever was started by then is
+    stopped.
     """
 
-    def __init__(self, options: ServiceOptions, say: Callable[[str], None]) -> None:
+    def __init__(
+        self, options: ServiceOptions, say: Callable[[str], None], stop: StopRequest | None = None
+    ) -> None:
         self._options = options
         self._say = say
+        self._stop = stop
         self._undo = contextlib.ExitStack()
         self._supervisor: Supervisor
         self.url: str
@@ -88,6 +114,7 @@ class EmbeddedService:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
+        self._say("stopping")
         self._undo.close()
 
     def _start(self, undo: contextlib.ExitStack) -> None:
@@ -123,7 +150,7 @@ class EmbeddedService:
         if binary.warning is not None:
             self._say(f"warning: {binary.warning}")
         self._supervisor.start(ChildSpec("broker", broker.command, BROKER_GRACE))
-        broker.wait_until_ready(lambda: "broker" in self._supervisor.ended())
+        broker.wait_until_ready(lambda: "broker" in self._ended())
         return broker.url
 
     def _wait_until_ready(self, seconds: float = 45.0) -> None:
@@ -133,7 +160,7 @@ class EmbeddedService:
         deadline = time.monotonic() + seconds
         with httpx.Client(base_url=self.url, timeout=5.0, trust_env=False) as client:
             while True:
-                for name, code in self._supervisor.ended().items():
+                for name, code in self._ended().items():
                     raise ServiceStartError(f"{name} ended with code {code} while the service was starting.")
                 try:
                     answer = client.get("/readyz")
@@ -147,8 +174,21 @@ class EmbeddedService:
                     raise ServiceStartError(f"The service was not ready after {seconds:g} s: {reason}")
                 time.sleep(0.05)
 
+    def _raise_if_asked_to_stop(self) -> None:
+        if self._stop is not None and self._stop.asked:
+            raise ServiceStopped("stopped")
+
+    def _ended(self) -> dict[str, int]:
+        """Exit codes of processes that have ended; raises ``ServiceStopped`` as ``poll`` does."""
+        self._raise_if_asked_to_stop()
+        return self._supervisor.ended()
+
     def poll(self) -> None:
-        """Look after the processes; to be called several times a second."""
+        """Look after the processes; to be called several times a second.
+
+        Raises ``ServiceStopped`` once ``stop`` is asked for.
+        """
+        self._raise_if_asked_to_stop()
         self._supervisor.poll()
 
     def pids(self) -> dict[str, int]:

@@ -122,6 +122,18 @@ def test_a_running_job_is_handed_back_and_solved_by_the_next_service(
         client.wait(job["id"], timeout=10)
 
 
+def test_a_start_that_is_interrupted_leaves_nothing(tmp_path: Path) -> None:
+    data = tmp_path / "data"
+    command = [sys.executable, "-m", "app.cli", "serve", "--port", "0", "--data", str(data)]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True) as process:
+        assert process.stdout is not None
+        # Said at the moment at which the first process is started.
+        assert process.stdout.readline().startswith("broker ")
+        process.send_signal(signal.SIGINT)
+        assert process.wait(10) == 0
+    assert processes_of(data) == {}
+
+
 def test_processes_that_are_killed_are_started_again(tmp_path: Path) -> None:
     data = tmp_path / "data"
     with serving("--data", data) as (_, url), Client(url) as client:
