@@ -6,8 +6,10 @@ import time
 from dataclasses import dataclass, field
 from typing import Any
 
-from solvers.optimizers.ipopt import Iterate, Limits, Outcome, minimise
+from solvers.cache import STRUCTURES, CompiledStructure
+from solvers.optimizers.ipopt import Ipopt, Iterate, Limits, Outcome
 from solvers.problem import OptimalControlProblem
+from solvers.program import NonlinearProgram
 from solvers.progress import Progress, ProgressReport
 from solvers.scaling import Scaling
 from solvers.status import SolveStatus
@@ -48,6 +50,8 @@ class Session:
 
     problem: OptimalControlProblem
     scaling: Scaling
+    tolerance: float
+    max_iterations: int
     limits: Limits
     progress: Progress
     seconds: dict[str, float] = field(default_factory=lambda: {"build": 0.0, "solve": 0.0, "refine": 0.0})
@@ -80,10 +84,18 @@ class Session:
                 )
             )
 
-        outcome = minimise(transcription.program(), self.limits, report, warm=warm)
+        # A key is also told by how the optimizer is set, which is compiled in.
+        key = (transcription.key, self.tolerance, self.max_iterations, warm)
+        known = STRUCTURES.take(key)
+        if known is not None:
+            transcription.builder = known.builder
+        program = transcription.program()
+        optimizer = known.optimizer if known is not None else self._optimizer(program, warm=warm)
+        outcome = optimizer.minimise(program, self.limits, report)
+        STRUCTURES.put(key, CompiledStructure(transcription.builder, optimizer))
         self.iterations += outcome.iterations
-        self.seconds["build"] += time.perf_counter() - started - outcome.solve_seconds
-        self.seconds["solve"] += outcome.solve_seconds
+        self.seconds["build"] += time.perf_counter() - started - outcome.seconds
+        self.seconds["solve"] += outcome.seconds
         solved = Solved(transcription, outcome, transcription.trajectory(outcome.unknowns))
         self.convergence.append(
             {
@@ -94,3 +106,6 @@ class Session:
             }
         )
         return solved
+
+    def _optimizer(self, program: NonlinearProgram, *, warm: bool) -> Ipopt:
+        return Ipopt(program, tolerance=self.tolerance, max_iterations=self.max_iterations, warm=warm)

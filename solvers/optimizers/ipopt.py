@@ -18,6 +18,11 @@ Vector = NDArray[np.float64]
 
 _REPORT_EVERY = 0.1  # seconds; a report copies all unknowns, which would cost more than a small iteration
 
+# Measured on the cases (docs/benchmarks.md): from a guess the adaptive barrier needs two thirds of the
+# iterations of the monotone one; near a solution a small barrier needs no strategy.
+_COLD = {"ipopt.mu_strategy": "adaptive"}
+_WARM = {"ipopt.mu_init": 1e-4, "ipopt.bound_push": 1e-6, "ipopt.bound_frac": 1e-6}
+
 _STATUS = {
     "Solve_Succeeded": SolveStatus.CONVERGED,
     "Solved_To_Acceptable_Level": SolveStatus.CONVERGED,
@@ -50,31 +55,102 @@ class Outcome:
     status: SolveStatus
     solver_status: str
     iterations: int
-    build_seconds: float
-    solve_seconds: float
+    seconds: float
 
 
 @dataclass(frozen=True)
 class Limits:
     """When to stop: ``deadline`` is of ``time.monotonic()``; ``cancelled`` is asked every iteration."""
 
-    tolerance: float
-    max_iterations: int
     deadline: float
     cancelled: Callable[[], bool]
+
+
+class Ipopt:
+    """IPOPT on the functions of one program; serves every program of the same structure, one at a time.
+
+    ``warm`` says that initial points are close to solutions: the barrier starts small.
+    """
+
+    def __init__(
+        self, program: NonlinearProgram, *, tolerance: float, max_iterations: int, warm: bool = False
+    ) -> None:
+        compiled = compile_program(program)
+        self._watcher = _Watcher(program)
+        options: dict[str, Any] = {
+            "print_time": False,
+            "show_eval_warnings": False,
+            "error_on_fail": False,
+            "iteration_callback": self._watcher,
+            "grad_f": compiled.gradient,
+            "jac_g": compiled.jacobian,
+            "hess_lag": compiled.hessian,
+            "ipopt.print_level": 0,
+            "ipopt.sb": "yes",
+            "ipopt.tol": tolerance,
+            "ipopt.max_iter": max_iterations,
+            # A control that rests on its bound shall not pass it, not even by a rounding of 1e-8.
+            "ipopt.bound_relax_factor": 0.0,
+        }
+        options |= _WARM if warm else _COLD
+        functions = {"x": compiled.w, "p": compiled.p, "f": compiled.objective, "g": compiled.constraints}
+        self._solver = ca.nlpsol("solver", "ipopt", functions, options)
+
+    def minimise(
+        self, program: NonlinearProgram, limits: Limits, report: Callable[[Iterate], None]
+    ) -> Outcome:
+        """Minimise the program from its initial point.
+
+        Raises whatever ``report`` or ``limits.cancelled`` raised.
+        """
+        started = time.perf_counter()
+        watcher = self._watcher
+        watcher.begin(program, limits, report)
+        solution = self._solver(
+            x0=program.initial,
+            p=program.numbers,
+            lbx=program.lower,
+            ubx=program.upper,
+            lbg=program.constraint_lower,
+            ubg=program.constraint_upper,
+        )
+        if watcher.error is not None:
+            raise watcher.error
+        solver_status = str(self._solver.stats()["return_status"])
+        return Outcome(
+            unknowns=solution["x"].full().ravel(),
+            objective=float(solution["f"]),
+            row_multipliers=solution["lam_g"].full().ravel(),
+            bound_multipliers=solution["lam_x"].full().ravel(),
+            status=watcher.stopped_by or _STATUS.get(solver_status, SolveStatus.DIVERGED),
+            solver_status=solver_status,
+            iterations=int(self._solver.stats()["iter_count"]),
+            seconds=time.perf_counter() - started,
+        )
 
 
 class _Watcher(ca.Callback):
     """Called by IPOPT after each iteration; a return value of 1 stops it and keeps the iterate."""
 
-    def __init__(self, program: NonlinearProgram, limits: Limits, report: Callable[[Iterate], None]) -> None:
+    def __init__(self, program: NonlinearProgram) -> None:
         ca.Callback.__init__(self)
+        self._sizes = {
+            "f": 1,
+            "x": program.variables,
+            "lam_x": program.variables,
+            "g": program.constraints,
+            "lam_g": program.constraints,
+            "lam_p": program.numbers.size,
+        }
+        self.construct("watcher", {})
+
+    def begin(self, program: NonlinearProgram, limits: Limits, report: Callable[[Iterate], None]) -> None:
+        """Watch a new solve."""
         self._program, self._limits, self._report = program, limits, report
         self._next_report = 0.0
-        self.iterations = 0
+        self._iterations = 0
         self.stopped_by: SolveStatus | None = None
         self.error: Exception | None = None
-        self.construct("watcher", {})
 
     def get_n_in(self) -> int:
         return int(ca.nlpsol_n_out())
@@ -83,19 +159,10 @@ class _Watcher(ca.Callback):
         return 1
 
     def get_sparsity_in(self, index: int) -> ca.Sparsity:
-        name = ca.nlpsol_out(index)
-        sizes = {
-            "f": 1,
-            "x": self._program.variables,
-            "lam_x": self._program.variables,
-            "g": self._program.constraints,
-            "lam_g": self._program.constraints,
-            "lam_p": self._program.numbers.size,
-        }
-        return ca.Sparsity.dense(sizes[name])
+        return ca.Sparsity.dense(self._sizes[ca.nlpsol_out(index)])
 
     def eval(self, values: Sequence[ca.DM]) -> list[int]:
-        self.iterations += 1
+        self._iterations += 1
         try:
             return [int(self._watch(values))]
         except Exception as error:  # noqa: BLE001  CasADi swallows it: keep it, stop, raise it after the solve
@@ -110,69 +177,9 @@ class _Watcher(ca.Callback):
             below = self._program.constraint_lower - rows
             above = rows - self._program.constraint_upper
             violation = float(max(0.0, np.max(below, initial=0.0), np.max(above, initial=0.0)))
-            self._report(Iterate(self.iterations, objective, violation))
+            self._report(Iterate(self._iterations, objective, violation))
         if now >= self._limits.deadline:
             self.stopped_by = SolveStatus.TIME_LIMIT
         elif self._limits.cancelled():
             self.stopped_by = SolveStatus.CANCELLED
         return self.stopped_by is not None
-
-
-def minimise(
-    program: NonlinearProgram, limits: Limits, report: Callable[[Iterate], None], *, warm: bool = False
-) -> Outcome:
-    """Minimise the program from its initial point.
-
-    ``warm`` says that the initial point is close to the solution: the barrier starts small.
-    Raises whatever ``report`` or ``limits.cancelled`` raised.
-    """
-    started = time.perf_counter()
-    compiled = compile_program(program)
-    watcher = _Watcher(program, limits, report)
-    options: dict[str, Any] = {
-        "print_time": False,
-        "show_eval_warnings": False,
-        "error_on_fail": False,
-        "iteration_callback": watcher,
-        "grad_f": compiled.gradient,
-        "jac_g": compiled.jacobian,
-        "hess_lag": compiled.hessian,
-        "ipopt.print_level": 0,
-        "ipopt.sb": "yes",
-        "ipopt.tol": limits.tolerance,
-        "ipopt.max_iter": limits.max_iterations,
-        # Besides the watcher, which only speaks between iterations.
-        "ipopt.max_wall_time": max(limits.deadline - time.monotonic(), 1e-3),
-    }
-    if warm:
-        options |= {"ipopt.mu_init": 1e-4, "ipopt.bound_push": 1e-6, "ipopt.bound_frac": 1e-6}
-    solver = ca.nlpsol(
-        "solver",
-        "ipopt",
-        {"x": compiled.w, "p": compiled.p, "f": compiled.objective, "g": compiled.constraints},
-        options,
-    )
-    built = time.perf_counter()
-    solution = solver(
-        x0=program.initial,
-        p=program.numbers,
-        lbx=program.lower,
-        ubx=program.upper,
-        lbg=program.constraint_lower,
-        ubg=program.constraint_upper,
-    )
-    solved = time.perf_counter()
-    if watcher.error is not None:
-        raise watcher.error
-    solver_status = str(solver.stats()["return_status"])
-    return Outcome(
-        unknowns=solution["x"].full().ravel(),
-        objective=float(solution["f"]),
-        row_multipliers=solution["lam_g"].full().ravel(),
-        bound_multipliers=solution["lam_x"].full().ravel(),
-        status=watcher.stopped_by or _STATUS.get(solver_status, SolveStatus.DIVERGED),
-        solver_status=solver_status,
-        iterations=int(solver.stats()["iter_count"]),
-        build_seconds=built - started,
-        solve_seconds=solved - built,
-    )

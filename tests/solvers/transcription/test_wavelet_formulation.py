@@ -11,14 +11,17 @@ import pytest
 from scipy import sparse
 
 from solvers.bases.spline_wavelet import SplineWaveletBasis
-from solvers.optimizers.ipopt import Limits, minimise
+from solvers.optimizers.ipopt import Ipopt, Limits, Outcome
 from solvers.problem import OptimalControlProblem
 from solvers.program import NonlinearProgram
 from solvers.scaling import automatic_scaling
 from solvers.spec import check_document
 from solvers.transcription.spline_wavelet import SplineWavelet
 
-LIMITS = Limits(1e-11, 500, time.monotonic() + 600, lambda: False)
+
+def minimise(program: NonlinearProgram) -> Outcome:
+    optimizer = Ipopt(program, tolerance=1e-11, max_iterations=500)
+    return optimizer.minimise(program, Limits(time.monotonic() + 600, lambda: False), lambda iterate: None)
 
 
 def in_other_unknowns(
@@ -55,9 +58,9 @@ def test_both_formulations_have_the_same_optimum(flexible_spacecraft: dict[str, 
     synthesis = SplineWaveletBasis(8, J).synthesis
     rest = sparse.eye_array(program.variables - 2 * synthesis.shape[0])
     matrix = sparse.csr_array(sparse.block_diag([synthesis, synthesis, rest], format="csr"))
-    banded = minimise(program, LIMITS, lambda iterate: None)
+    banded = minimise(program)
     mixed = np.arange(program.variables) < 2 * synthesis.shape[0]
-    wavelet = minimise(in_other_unknowns(program, matrix, mixed), LIMITS, lambda iterate: None)
+    wavelet = minimise(in_other_unknowns(program, matrix, mixed))
     assert wavelet.solver_status == banded.solver_status == "Solve_Succeeded"
     assert abs(wavelet.objective - banded.objective) <= 1e-9
     np.testing.assert_allclose(matrix @ wavelet.unknowns, banded.unknowns, atol=1e-5)

@@ -1,0 +1,134 @@
+"""Compiled structures are reused where only numbers differ, and never where anything else does."""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import pytest
+
+from solvers.cache import STRUCTURES, StructureCache
+from solvers.solution import Solution
+from solvers.solve import solve
+from solvers.spec import check_document
+
+METHODS = [
+    {"name": "swcm", "L": 5, "J": 2},
+    {"name": "gpm", "nodes": 10},
+    {"name": "hermite_simpson", "intervals": 12},
+]
+
+
+@pytest.fixture(autouse=True)
+def _empty_cache() -> Iterator[None]:
+    forget()
+    yield
+    forget()
+
+
+def forget() -> None:
+    STRUCTURES.clear()
+
+
+def answer(document: dict[str, Any]) -> Solution:
+    return solve(check_document(document))
+
+
+def numbers(document: dict[str, Any]) -> list[dict[str, Any]]:
+    """Problems of one structure: another stiffness, bound, end, guess and final time."""
+    changed = [copy.deepcopy(document) for _ in range(5)]
+    changed[0]["problem"]["model"]["parameters"]["k"] = 137
+    changed[1]["problem"]["bounds"]["T"] = [-4.5, 5.5]
+    changed[2]["problem"]["final_state"]["theta"] = 0.6
+    changed[3]["problem"]["guess"] = {"final_time": 28}
+    changed[4]["problem"]["final_time"] = [1, 60]
+    return changed
+
+
+Change = Callable[[dict[str, Any]], Any]
+STRUCTURAL: list[Change] = [
+    lambda p: p["model"]["mass"][1].__setitem__(1, "2*m*L^2 + 1"),
+    lambda p: p["model"]["stiffness"][0].__setitem__(0, 1),
+    lambda p: p["model"].__setitem__("stiffness", None),
+    lambda p: p["bounds"].__setitem__("alpha", [-0.02, 0.02]),
+    lambda p: p["bounds"].__setitem__("alpha_dot", [-0.02, 0.02]),
+    lambda p: p["initial_state"].__setitem__("theta_dot", 0.01),
+    lambda p: p["final_state"].pop("alpha_dot"),
+    lambda p: p["objective"].__setitem__("running", "T^2/100"),
+    lambda p: p.__setitem__("path_constraints", [{"expression": "alpha + theta", "bounds": [None, 2]}]),
+    lambda p: p.__setitem__("boundary_constraints", [{"expression": "alpha_f^2", "bounds": [None, 2]}]),
+]
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_another_number_reuses_the_structure_and_gives_its_own_answer(
+    flexible_spacecraft: dict[str, Any], method: dict[str, Any]
+) -> None:
+    flexible_spacecraft["method"] = method
+    problems = numbers(flexible_spacecraft)
+    alone = []
+    for problem in problems:
+        forget()
+        alone.append(answer(problem).objective)
+    forget()
+    answer(flexible_spacecraft)
+    together = [answer(problem).objective for problem in problems]
+    assert len(STRUCTURES) == 1
+    assert together == alone
+    assert len(set(together[:3])) == 3
+
+
+@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("change", STRUCTURAL)
+def test_another_structure_is_never_mixed_up(
+    flexible_spacecraft: dict[str, Any], method: dict[str, Any], change: Change
+) -> None:
+    flexible_spacecraft["method"] = method
+    other = copy.deepcopy(flexible_spacecraft)
+    change(other["problem"])
+    alone = answer(other)
+    forget()
+    first = answer(flexible_spacecraft)
+    after = answer(other)
+    again = answer(flexible_spacecraft)
+    assert len(STRUCTURES) == 2
+    assert (after.objective, after.statistics.iterations) == (alone.objective, alone.statistics.iterations)
+    assert (again.objective, again.statistics.iterations) == (first.objective, first.statistics.iterations)
+
+
+def test_options_that_are_compiled_in_are_told_apart(rigid_body: dict[str, Any]) -> None:
+    answer({**rigid_body, "options": {"tolerance": 1e-8}})
+    answer({**rigid_body, "options": {"tolerance": 1e-4}})
+    answer({**rigid_body, "options": {"max_iterations": 2}})
+    assert len(STRUCTURES) == 3
+
+
+def test_the_cache_is_bounded(rigid_body: dict[str, Any], monkeypatch: pytest.MonkeyPatch) -> None:
+    small = StructureCache(most_unknowns=200)
+    monkeypatch.setattr("solvers.session.STRUCTURES", small)
+    for level in (0, 1, 2, 3):
+        answer({**rigid_body, "method": {"name": "swcm", "J": level}})
+        assert small.unknowns <= 200
+    assert len(small) == 1
+    answer({**rigid_body, "method": {"name": "swcm", "J": 4}})
+    assert len(small) == 0
+
+
+def test_a_structure_in_use_is_not_handed_out_twice(rigid_body: dict[str, Any]) -> None:
+    """A solve that starts another of the same structure from its own progress: each has its own answer."""
+    inner: list[Solution] = []
+
+    class Nested:
+        def report(self, report: object) -> None:
+            if not inner:
+                other = copy.deepcopy(rigid_body)
+                other["problem"]["final_state"]["x"] = 1.2
+                inner.append(answer(other))
+
+        def cancelled(self) -> bool:
+            return False
+
+    outer = solve(check_document(rigid_body), Nested())
+    assert outer.objective == pytest.approx(2.0, abs=1e-3)
+    assert inner[0].objective == pytest.approx(2.0 * 1.2**0.5, abs=1e-3)
