@@ -84,7 +84,6 @@ def queue(redis: Redis, queue_settings: QueueSettings) -> JobQueue:
 def solved() -> bytes:
     """The compressed result of a real solve."""
     document = copy.deepcopy(FLEXIBLE_SPACECRAFT)
-    document["method"]["J"] = 2
     outcome = of_solution(solve(check_document(document)), "a job", 2**25)
     assert outcome.result is not None
     return outcome.result

@@ -1,0 +1,95 @@
+import json
+import time
+from typing import Any
+
+import pytest
+from celery.exceptions import Reject
+
+from solvers.progress import ProgressReport
+from tests.bad_documents import FLEXIBLE_SPACECRAFT
+from worker.queue import make_celery
+from worker.records import FailureType, JobRecord, JobStatus, new_job_id
+from worker.settings import QueueSettings
+from worker.store import JobStore, connect
+from worker.tasks import SolveTask, solve_job
+
+LIMIT = 2**25
+
+
+def add(store: JobStore, document: Any) -> str:
+    record = JobRecord(new_job_id(), JobStatus.QUEUED, "swcm", 60.0, time.time())
+    store.add(record, json.dumps(document).encode())
+    return record.id
+
+
+@pytest.fixture
+def job_id(store: JobStore) -> str:
+    return add(store, FLEXIBLE_SPACECRAFT)
+
+
+def test_a_job_is_solved_and_its_end_written(store: JobStore, job_id: str) -> None:
+    solve_job(job_id, store, LIMIT)
+    record = store.get(job_id)
+    assert (record.status, record.attempts) == (JobStatus.SUCCEEDED, 1)
+    result = json.loads(store.result(job_id) or b"")
+    assert (result["job_id"], result["success"]) == (job_id, True)
+
+
+def test_a_message_that_comes_twice_changes_nothing(store: JobStore, job_id: str) -> None:
+    solve_job(job_id, store, LIMIT)
+    before = store.get(job_id)
+    solve_job(job_id, store, LIMIT)
+    assert store.get(job_id) == before
+
+
+def test_a_cancelled_job_is_passed_over(store: JobStore, job_id: str) -> None:
+    store.cancel(job_id)
+    solve_job(job_id, store, LIMIT)
+    record = store.get(job_id)
+    assert (record.status, record.attempts, record.has_result) == (JobStatus.CANCELLED, 0, False)
+
+
+def test_a_job_that_nobody_remembers_is_passed_over(store: JobStore) -> None:
+    solve_job(new_job_id(), store, LIMIT)
+    assert store.page(10) == ([], None)
+
+
+def test_a_document_that_the_worker_refuses_is_an_internal_error(store: JobStore) -> None:
+    job_id = add(store, {"schema": 1})
+    solve_job(job_id, store, LIMIT)
+    error = store.get(job_id).error
+    assert error is not None
+    assert error.type is FailureType.INTERNAL
+
+
+def test_a_solve_that_lost_its_job_meanwhile_writes_nothing(
+    store: JobStore, job_id: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Another worker takes the job over in the middle of the solve, as if this one were lost."""
+    import worker.tasks
+
+    others: list[str | None] = []
+    solve = worker.tasks.solve
+
+    def slow_solve(spec: Any, progress: Any) -> Any:
+        solution = solve(spec, progress)
+        others.append(store.start(job_id))
+        return solution
+
+    monkeypatch.setattr(worker.tasks, "solve", slow_solve)
+    solve_job(job_id, store, LIMIT)
+    record = store.get(job_id)
+    assert (record.status, record.attempts, record.has_result) == (JobStatus.RUNNING, 2, False)
+    (other,) = others
+    assert other is not None
+    assert store.report(job_id, other, ProgressReport("solve", 1)) == "go"
+
+
+def test_a_message_goes_back_while_the_store_is_away() -> None:
+    settings = QueueSettings(broker="unix:///nowhere/at/all.sock")
+    task = make_celery(settings).register_task(
+        SolveTask(JobStore(connect(settings, retries=0), settings), LIMIT)
+    )
+    with pytest.raises(Reject) as caught:
+        task.run(new_job_id())
+    assert caught.value.requeue
