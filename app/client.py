@@ -19,19 +19,17 @@ from typing import Concatenate, ParamSpec, Self, TypeVar, Unpack
 import httpx
 
 from app import client_calls as calls
-from app.client_calls import (
-    Call,
+from app.client_answers import (
     ClientError,
-    Flow,
     Job,
     JobFailed,
     JobFilters,
     JobProgress,
-    Patience,
     RequestRefused,
     ServerUnreachable,
     WaitTimeout,
 )
+from app.client_calls import Call, Flow, Patience
 
 __all__ = [
     "AsyncClient",

@@ -14,7 +14,7 @@ from app.cli.common import ExitCode, fail, tables, to_json
 @click.command()
 @click.option("--json", "as_json", is_flag=True, help="Print JSON.")
 def cases(as_json: bool) -> None:
-    """List the cases on board."""
+    """List the problems on board."""
     from solvers.catalogue import case_names, load_case
 
     documents = {name: load_case(name) for name in case_names()}
@@ -38,7 +38,7 @@ def cases(as_json: bool) -> None:
 @click.command()
 @click.argument("name")
 def case(name: str) -> None:
-    """Print the job document of case NAME, ready to solve or to POST."""
+    """Print the document of case NAME, ready to solve or to POST."""
     from solvers.catalogue import case_names, load_case
 
     names = case_names()

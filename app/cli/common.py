@@ -60,8 +60,7 @@ class CommandGroup(click.Group):
 
 def _tell_error(error: Exception) -> NoReturn:
     """Tell an error that is not a document's, with the exit code of its kind."""
-    # Imported only now, when there is something to tell: it is not for free.
-    from app.client_calls import JobFailed, RequestRefused
+    from app.client_answers import JobFailed, RequestRefused
 
     if isinstance(error, RequestRefused):
         if error.errors:

@@ -17,7 +17,7 @@ Document = dict[str, Any]
 CASE = "flexible_spacecraft"
 
 
-@click.command()
+@click.command(short_help="See the service solve a spacecraft slew.")
 @click.option(
     "--folder",
     type=click.Path(file_okay=False, path_type=Path),

@@ -57,7 +57,7 @@ def follower(bar: Progress) -> Callable[[Job], None]:
     return show
 
 
-@click.command()
+@click.command(short_help="Queue a document on a server.")
 @click.argument("file")
 @server_option
 @json_option
@@ -69,7 +69,7 @@ def submit(file: str, server: str, as_json: bool) -> None:
     click.echo(to_json(job).decode() if as_json else job["id"], nl=not as_json)
 
 
-@click.command()
+@click.command(short_help="Follow a job to its end.")
 @click.argument("job_id", metavar="ID")
 @server_option
 @json_option
@@ -99,7 +99,7 @@ def watch(job_id: str, server: str, as_json: bool, progress: bool | None) -> Non
         fail(one_line(f"job {job_id} {job['status']}{reason}"), ExitCode.NOT_SOLVED)
 
 
-@click.command()
+@click.command(short_help="Print the result of a job.")
 @click.argument("job_id", metavar="ID")
 @server_option
 @output_option
@@ -126,7 +126,7 @@ def result(
         fail(one_line(f"{answer['status']}: {answer['message']}"), ExitCode.NOT_SOLVED)
 
 
-@click.command()
+@click.command(short_help="Stop a job.")
 @click.argument("job_id", metavar="ID")
 @server_option
 @json_option

@@ -51,7 +51,7 @@ def require_loopback(host: str, insecure: bool) -> None:
         )
 
 
-@click.command()
+@click.command(short_help="The whole service: API, workers, broker.")
 @host_option
 @port_option
 @click.option("--workers", type=click.IntRange(1), help="Jobs solved at a time.  [default: one a CPU]")
@@ -86,7 +86,7 @@ def serve(
     require_loopback(host, insecure)
     load(Settings, broker)
     load(WorkerSettings, broker)
-    options = ServiceOptions(data, host, port, workers, broker, broker_binary, insecure)
+    options = ServiceOptions(data, host, port, workers, broker, broker_binary)
     with (
         contextlib.suppress(ServiceStopped),
         EmbeddedService(options, click.echo, StopRequest()) as service,
@@ -112,7 +112,7 @@ def load(settings: type[T], broker: str | None) -> T:
         raise SystemExit(ExitCode.BAD_INPUT) from None
 
 
-@click.command()
+@click.command(short_help="The HTTP API alone.")
 @host_option
 @port_option
 @broker_option
@@ -144,7 +144,7 @@ def api(host: str, port: int, broker: str | None, insecure: bool, fd: int | None
     uvicorn.Server(config).run(sockets=[listener])
 
 
-@click.command()
+@click.command(short_help="A worker alone.")
 @broker_option
 @click.option("--concurrency", type=click.IntRange(1), help="Jobs solved at a time.  [default: one a CPU]")
 def worker(broker: str | None, concurrency: int | None) -> None:

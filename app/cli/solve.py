@@ -63,7 +63,7 @@ class BarProgress:
             signal.signal(signal.SIGINT, former)
 
 
-@click.command()
+@click.command(short_help="Solve a document in this process.")
 @click.argument("file")
 @output_option
 @plot_option

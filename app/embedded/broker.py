@@ -66,7 +66,8 @@ class EmbeddedBroker:
     def __init__(self, binary: ServerBinary, data: DataDirectory) -> None:
         self.binary = binary
         self.folder = data.path / "broker"
-        self.folder.mkdir(exist_ok=True, mode=0o700)
+        self.folder.mkdir(exist_ok=True)
+        self.folder.chmod(0o700)
         self._check_writer()
         self._temporary: Path | None = None
         self.socket = self.folder / "broker.sock"

@@ -40,7 +40,6 @@ class ServiceOptions:
     workers: int | None = None
     broker: str | None = None
     binary: str | None = None
-    insecure: bool = False
     output: IO[bytes] | None = None
 
 
@@ -129,11 +128,12 @@ class EmbeddedService:
             undo.callback(self._supervisor.stop)
             self._say(f"broker   {_without_password(address)}")
         environment = {BROKER_VARIABLE: address}
-        worker = ondelette("worker", *concurrency(options.workers))
+        concurrency = [] if options.workers is None else ["--concurrency", str(options.workers)]
+        worker = ondelette("worker", *concurrency)
         grace = WorkerSettings().shutdown_seconds + WORKER_MARGIN
         self._supervisor.start(ChildSpec("worker", worker, grace, environment))
         descriptor = listener.fileno()
-        api = ondelette("api", "--fd", str(descriptor), *(["--insecure"] if options.insecure else []))
+        api = ondelette("api", "--fd", str(descriptor))
         self._supervisor.start(ChildSpec("API", api, API_GRACE, environment, (descriptor,)))
         self._wait_until_ready()
 
@@ -191,19 +191,10 @@ class EmbeddedService:
         self._raise_if_asked_to_stop()
         self._supervisor.poll()
 
-    def pids(self) -> dict[str, int]:
-        """Process ids by name: ``broker`` (unless it is somebody else's), ``worker``, ``API``."""
-        return self._supervisor.pids()
-
 
 def ondelette(*arguments: str) -> list[str]:
     """The command line of one of our own commands, by the interpreter that runs us."""
     return [sys.executable, "-m", "app.cli", *arguments]
-
-
-def concurrency(workers: int | None) -> list[str]:
-    """The worker's option for ``workers`` jobs at a time; none leaves it to the worker."""
-    return [] if workers is None else ["--concurrency", str(workers)]
 
 
 def _without_password(address: str) -> str:

@@ -120,10 +120,6 @@ class Supervisor:
             elif child.restart_at is not None and now >= child.restart_at:
                 child.process, child.started_at, child.restart_at = self._spawn(child.spec), now, None
 
-    def pids(self) -> dict[str, int]:
-        """Process ids by name."""
-        return {child.spec.name: child.process.pid for child in self._children}
-
     def stop(self) -> None:
         """Stop everything, last started first, then the guard."""
         for child in reversed(self._running()):
