@@ -82,16 +82,19 @@ class ControlledModel:
         Raises :class:`FlightError` when time runs out or a state is no longer finite.
         """
         n, count = starts.shape
-        left, width = self.breakpoints[arcs], np.diff(self.breakpoints)[arcs]
+        # Copies of an arc, as for its derivatives, share their control.
+        own, copies = np.unique(arcs, return_inverse=True)
+        left, width = self.breakpoints[own], np.diff(self.breakpoints)[own]
         # Strictly inside: at a jump of the control, an end belongs to the arc and not to its neighbour.
         margin = 1e-12 * width
-        duration = self._trajectory.duration * width
+        duration = self._trajectory.duration * width[copies]
 
         def rate(s: float, flat: Vector) -> Vector:
             if time.monotonic() > self._deadline:
                 raise FlightError("the time for verification ran out")
             tau = np.clip(left + s * width, left + margin, left + width - margin)
-            return (duration * self._rate(flat.reshape(n + 1, count)[:n], tau)).ravel()
+            states, controls = flat.reshape(n + 1, count)[:n], self.clipped(tau)[:, copies]
+            return (duration * self._rate(states, controls, tau[copies])).ravel()
 
         start = np.vstack([starts, np.zeros((1, count))])
         if not np.isfinite(rate(0.0, start.ravel())).all():
@@ -170,10 +173,10 @@ class ControlledModel:
             cost += float(arc.costs[0])
         return Flight(np.column_stack(states), cost)
 
-    def _rate(self, states: Vector, tau: Vector) -> Vector:
+    def _rate(self, states: Vector, controls: Vector, tau: Vector) -> Vector:
         """Rates of the states and of the running cost, (n + 1, len(tau))."""
         problem = self._problem
-        scope = problem.scope(states, self.clipped(tau), self._trajectory.time(tau), problem.parameters)
+        scope = problem.scope(states, controls, self._trajectory.time(tau), problem.parameters)
         with np.errstate(all="ignore"):
             rates = problem.dynamics.rate(scope, NUMPY)
             cost = (
