@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from solvers.bases.graded import GradedKnots
 from solvers.certificate import hamiltonian_drift
 from solvers.diagnosis import find_evaluation_error
 from solvers.guess import Start
@@ -53,13 +54,14 @@ def solve(spec: JobSpec, progress: Progress | None = None) -> Solution:
     started = time.perf_counter()
     problem = OptimalControlProblem.from_spec(spec.problem)
     progress = progress or SilentProgress()
-    limits = Limits(
-        tolerance=spec.options.tolerance,
-        max_iterations=spec.options.max_iterations,
-        deadline=time.monotonic() + spec.options.max_seconds,
-        cancelled=progress.cancelled,
+    session = Session(
+        problem,
+        automatic_scaling(problem),
+        spec.options.tolerance,
+        spec.options.max_iterations,
+        Limits(time.monotonic() + spec.options.max_seconds, progress.cancelled),
+        progress,
     )
-    session = Session(problem, automatic_scaling(problem), limits, progress)
     session.seconds["build"] = time.perf_counter() - started
     method, meshes = _meshes(spec)
     solved = _continue(session, meshes)
@@ -147,7 +149,8 @@ def _meshes(spec: JobSpec) -> tuple[Mapping[str, Any], Sequence[Mesh]]:
         case SplineWaveletMethod(L=length, J=finest):
             levels = sorted({finest, *range(finest - _LEVEL_STRIDE, _COARSEST_LEVEL - 1, -_LEVEL_STRIDE)})
             return {"name": "swcm", "L": length, "J": finest}, [
-                lambda p, s, start, J=level: SplineWavelet(p, s, start, length, J) for level in levels
+                lambda p, s, start, J=level: SplineWavelet(p, s, start, GradedKnots.uniform(length, J))
+                for level in levels
             ]
         case GaussPseudospectralMethod(nodes=nodes, segments=segments):
             breaks = np.linspace(0.0, 1.0, segments + 1)
