@@ -1,7 +1,8 @@
 """The ``coefficients`` of a result: the numbers behind the curves of a trajectory, and the way back.
 
 One pair of functions a basis; ``decode(encode(...))`` gives the same curves, so that a stored result can be
-sampled anywhere, exactly, without the problem. Intervals and levels are uniform in time.
+sampled anywhere, exactly, without the problem. A basis on a mesh that is not uniform says which wavelets are
+active, or where its knots are.
 """
 
 from __future__ import annotations
@@ -13,6 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from solvers.bases.graded import GradedKnots, GradedWavelets
 from solvers.bases.legendre import gauss_support, legendre_gauss
 from solvers.bases.spline_wavelet import SplineWaveletBasis
 from solvers.curves import (
@@ -61,7 +63,7 @@ def decode(coefficients: Mapping[str, Any], node_controls: Mapping[str, Any], du
 
 def _encode_spline_wavelet(basis: Mapping[str, Any], states: Curves, controls: Curves) -> dict[str, Any]:
     """Coefficients level by level; those of a control represent its nodal values, for the picture."""
-    wavelets = SplineWaveletBasis(basis["L"], basis["J"])
+    wavelets = _wavelets(basis)
     space = wavelets.spline
     splines = {name: curve for name, curve in states.items() if isinstance(curve, SplineCurve)}
     owners = {id(curve): name for name, curve in splines.items()}
@@ -84,7 +86,7 @@ def _decode_spline_wavelet(
     coefficients: Mapping[str, Any], node_controls: Mapping[str, Any], duration: float
 ) -> Decoded:
     basis = coefficients["basis"]
-    wavelets = SplineWaveletBasis(basis["L"], basis["J"])
+    wavelets = _wavelets(basis)
     space = wavelets.spline
     points = space.greville(basis["derivative"])
     states: dict[str, Curve] = {
@@ -100,6 +102,13 @@ def _decode_spline_wavelet(
         np.union1d(points, space.knots),
         points,
     )
+
+
+def _wavelets(basis: Mapping[str, Any]) -> SplineWaveletBasis | GradedWavelets:
+    """All wavelets below level J, or those that ``active`` lists, by level."""
+    if "active" in basis:
+        return GradedWavelets(GradedKnots.from_active(basis["L"], basis["active"]))
+    return SplineWaveletBasis(basis["L"], basis["J"])
 
 
 def gauss_nodes(breaks: Vector, counts: Sequence[int]) -> Vector:
@@ -163,8 +172,9 @@ def _encode_hermite(basis: Mapping[str, Any], states: Curves, controls: Curves) 
 def _decode_hermite(
     coefficients: Mapping[str, Any], node_controls: Mapping[str, Any], duration: float
 ) -> Decoded:
-    knots = np.linspace(0.0, 1.0, coefficients["basis"]["intervals"] + 1)
-    nodes = np.linspace(0.0, 1.0, 2 * knots.size - 1)
+    basis = coefficients["basis"]
+    knots = np.array(basis.get("knots", np.linspace(0.0, 1.0, basis["intervals"] + 1)), np.float64)
+    nodes = np.insert(knots, np.arange(1, knots.size), (knots[1:] + knots[:-1]) / 2.0)
     return Decoded(
         {
             name: HermiteCurve(knots, *np.reshape(values, (2, -1)))

@@ -52,6 +52,11 @@ class HermiteSimpson(Transcription):
         """The knots."""
         return tuple(self.knots)
 
+    @property
+    def _uneven(self) -> dict[str, list[float]]:
+        even = np.array_equal(self.knots, np.linspace(0.0, 1.0, self.knots.size))
+        return {} if even else {"knots": self.knots.tolist()}
+
     def allocate(self) -> None:
         """See :class:`Transcription`."""
         for name, scale, initial, bounds in (
@@ -119,7 +124,7 @@ class HermiteSimpson(Transcription):
             },
             {name: QuadraticCurve(self.knots, u) for name, u in zip(problem.controls, controls, strict=True)},
             interpolation="quadratic",
-            basis={"name": HERMITE, "intervals": self.knots.size - 1},
+            basis={"name": HERMITE, "intervals": self.knots.size - 1, **self._uneven},
             breakpoints=self.knots,
             nodes=self.tau,
         )

@@ -27,7 +27,7 @@ from numpy.typing import NDArray
 from scipy import sparse
 
 from solvers.backends import NUMPY
-from solvers.bases.cubic_spline import CubicSplineSpace
+from solvers.bases.graded import GradedKnots
 from solvers.coefficients import SPLINE_WAVELET
 from solvers.costates import second_order_costates
 from solvers.curves import Curve, DerivativeCurve, LinearCurve, SplineCurve
@@ -43,16 +43,16 @@ Vector = NDArray[np.float64]
 
 @dataclass
 class SplineWavelet(Transcription):
-    """SWCM on level ``J``: 2^J L equal intervals."""
+    """SWCM on ``knots``, uniform or graded; ``adaptive``: the result lists the active wavelets."""
 
-    L: int
-    J: int
+    knots: GradedKnots
+    adaptive: bool = False
 
     def __post_init__(self) -> None:
         dynamics = self.problem.dynamics
         self._mechanical = dynamics if isinstance(dynamics, MechanicalDynamics) else None
         self._splines = len(self.problem.states) if self._mechanical is None else self._mechanical.coordinates
-        self.space = CubicSplineSpace.uniform(self.L << self.J)
+        self.space = self.knots.space
         self.points = self.space.greville(1 if self._mechanical is None else 2)
 
     @property
@@ -152,9 +152,10 @@ class SplineWavelet(Transcription):
             interpolation="linear",
             basis={
                 "name": SPLINE_WAVELET,
-                "L": self.L,
-                "J": self.J,
+                "L": self.knots.L,
+                "J": self.knots.finest,
                 "derivative": 1 if self._mechanical is None else 2,
+                **({"active": [indices.tolist() for indices in self.knots.active]} if self.adaptive else {}),
             },
             breakpoints=np.union1d(self.points, self.space.knots),
             nodes=self.points,

@@ -8,6 +8,7 @@ import casadi as ca
 import numpy as np
 import pytest
 
+from solvers.bases.graded import GradedKnots
 from solvers.problem import OptimalControlProblem
 from solvers.program import NonlinearProgram, compile_program
 from solvers.scaling import automatic_scaling
@@ -23,7 +24,7 @@ def transcribe(name: str, document: dict[str, Any]) -> Transcription:
     common = (problem, automatic_scaling(problem), problem.guess)
     match name:
         case "swcm":
-            return SplineWavelet(*common, 5, 1)
+            return SplineWavelet(*common, GradedKnots.uniform(5, 1))
         case "gpm":
             return GaussPseudospectral(*common, np.array([0.0, 0.4, 1.0]), (4, 3))
         case _:

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from scipy import sparse
 
+from solvers.bases.graded import GradedKnots
 from solvers.bases.spline_wavelet import SplineWaveletBasis
 from solvers.optimizers.ipopt import Ipopt, Limits, Outcome
 from solvers.problem import OptimalControlProblem
@@ -53,7 +54,9 @@ def in_other_unknowns(
 @pytest.mark.parametrize("J", [1, 2])
 def test_both_formulations_have_the_same_optimum(flexible_spacecraft: dict[str, Any], J: int) -> None:
     problem = OptimalControlProblem.from_spec(check_document(flexible_spacecraft).problem)
-    transcription = SplineWavelet(problem, automatic_scaling(problem), problem.guess, 8, J)
+    transcription = SplineWavelet(
+        problem, automatic_scaling(problem), problem.guess, GradedKnots.uniform(8, J)
+    )
     program = transcription.program()
     synthesis = SplineWaveletBasis(8, J).synthesis
     rest = sparse.eye_array(program.variables - 2 * synthesis.shape[0])
