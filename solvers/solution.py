@@ -50,6 +50,7 @@ class Solution:
     switching: Mapping[str, Any]
     constraints: Sequence[Mapping[str, Any]]
     convergence: Sequence[Mapping[str, Any]]
+    starts: Sequence[Mapping[str, Any]]
     warnings: Sequence[Mapping[str, Any]]
     statistics: Statistics
 
@@ -104,7 +105,7 @@ class Solution:
             "constraints": list(self.constraints),
             "sensitivity": None,
             "convergence": list(self.convergence),
-            "starts": [{"objective": self.objective, "status": self.status.value}],
+            "starts": list(self.starts),
             "warnings": list(self.warnings),
             "model_report": None,
             "phases": [phase],

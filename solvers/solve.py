@@ -27,6 +27,7 @@ from solvers.spec import (
     JobSpec,
     SplineWaveletMethod,
 )
+from solvers.starts import several_starts
 from solvers.status import SolveStatus
 from solvers.switching import find_switching
 from solvers.transcription.base import Transcription
@@ -64,7 +65,8 @@ def solve(spec: JobSpec, progress: Progress | None = None) -> Solution:
     )
     session.seconds["build"] = time.perf_counter() - started
     method, meshes = _meshes(spec)
-    solved = _continue(session, meshes)
+    answers = _answers(session, meshes, spec.options.starts)
+    solved = min(answers, key=_rank)
     costates = solved.transcription.costates(solved.trajectory, solved.outcome.row_multipliers)
     verification = replace(
         _verify(session, spec, solved),
@@ -85,6 +87,15 @@ def solve(spec: JobSpec, progress: Progress | None = None) -> Solution:
         switching=find_switching(problem, solved.trajectory),
         constraints=constraint_margins(problem, solved.trajectory),
         convergence=session.convergence,
+        starts=[
+            {
+                "objective": answer.objective,
+                "final_time": answer.trajectory.tf,
+                "status": answer.outcome.status.value,
+                "kept": answer is solved,
+            }
+            for answer in answers
+        ],
         warnings=[],
         statistics=Statistics(
             solved.transcription.builder.size,
@@ -96,18 +107,36 @@ def solve(spec: JobSpec, progress: Progress | None = None) -> Solution:
     )
 
 
-def _continue(session: Session, meshes: Sequence[Mesh]) -> Solved:
+def _answers(session: Session, meshes: Sequence[Mesh], count: int) -> list[Solved]:
+    """An answer from each start; fewer if somebody or the clock asks to stop."""
+    answers: list[Solved] = []
+    for index, start in enumerate(several_starts(session.problem, session.scaling, count)):
+        stage = "solve" if count == 1 else f"start {index + 1} of {count}"
+        answers.append(_continue(session, meshes, start, stage, (index / count, (index + 1) / count)))
+        if answers[-1].stopped:
+            break
+    return answers
+
+
+def _rank(answer: Solved) -> tuple[bool, float]:
+    """Converged answers first, then the smallest objective."""
+    return not answer.converged, answer.objective if np.isfinite(answer.objective) else np.inf
+
+
+def _continue(
+    session: Session, meshes: Sequence[Mesh], first: Start, stage: str, share: tuple[float, float]
+) -> Solved:
     """Solve mesh after mesh, each from the answer of the one before."""
-    start: Start = session.problem.guess
+    start, width = first, (share[1] - share[0]) / len(meshes)
     for index, mesh in enumerate(meshes):
-        stage = "solve" if len(meshes) == 1 else f"solve level {index + 1} of {len(meshes)}"
-        share = index / len(meshes), (index + 1) / len(meshes)
+        label = stage if len(meshes) == 1 else f"{stage} level {index + 1} of {len(meshes)}"
+        part = share[0] + index * width, share[0] + (index + 1) * width
         transcription = mesh(session.problem, session.scaling, start)
-        solved = session.solve(transcription, stage, share, warm=start is not session.problem.guess)
+        solved = session.solve(transcription, label, part, warm=start is not first)
         if solved.stopped:
             break
-        # A coarse mesh that does not converge says nothing about the next one: start that from the guess.
-        start = solved.trajectory if solved.converged else session.problem.guess
+        # A coarse mesh that does not converge says nothing about the next one: start that like the first.
+        start = solved.trajectory if solved.converged else first
     return solved
 
 

@@ -35,17 +35,6 @@ class SchemaVersion(Check):
         return {"type": "integer", "const": 1}
 
 
-class Starts(Count):
-    """Number of starting points; one in this version."""
-
-    def check(self, value: Any, scope: Scope) -> int:
-        """Return 1."""
-        starts = super().check(value, scope)
-        if starts > 1:
-            raise refuse("unsupported: more than one start is not in this version", type="unsupported")
-        return starts
-
-
 class Priority(Check):
     """Urgency of a job; ``normal`` in this version."""
 
@@ -105,8 +94,8 @@ class Options(SpecModel):
     """Largest number of iterations."""
     max_seconds: Annotated[float, Real(above=0, limit=3600, unit=" s")] = 60.0
     """Longest solve time, s."""
-    starts: Annotated[int, Starts(1, 64, "starts")] = 1
-    """Number of starting points; one in this version."""
+    starts: Annotated[int, Count(1, 64, "starts")] = 1
+    """Number of starting points; the best answer is kept."""
     verification: Verification = Verification()
     """Tolerances of the verification."""
 

@@ -370,7 +370,6 @@ UNSUPPORTED: list[tuple[dict[str, Any], str]] = [
         {"/problem/guess/from_result": {}, "/problem/guess/from_result/nodes": {}},
         "/problem/guess/from_result",
     ),
-    ({"/options/starts": 2}, "/options/starts"),
     ({"/output/command": {"period": 0.1}}, "/output/command"),
     ({"/output/coast": 10}, "/output/coast"),
     ({"/warm_start": "0197a0b0"}, "/warm_start"),

@@ -1,0 +1,57 @@
+"""Several starts: reproducible, within bounds, and the best answer is kept."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from solvers.problem import OptimalControlProblem
+from solvers.scaling import automatic_scaling
+from solvers.solve import solve
+from solvers.spec import check_document
+from solvers.starts import several_starts
+
+# x' = u, |u| <= 1, minimise -x(2)^2 - x(2)/10 from x = 0: local optima at both ends, J = -4.2 and -3.8.
+TWO_ENDS: dict[str, Any] = {
+    "problem": {
+        "model": {"kind": "first_order", "states": ["x"], "controls": ["u"], "dynamics": {"x": "u"}},
+        "final_time": 2,
+        "initial_state": {"x": 0},
+        "bounds": {"u": [-1, 1], "x": [-3, 3]},
+        "objective": {"terminal": "-x_f^2 - x_f/10"},
+        "guess": {"controls": {"u": [-1]}, "states": {"x": [0, -2]}},
+    },
+    "method": {"name": "hermite_simpson", "intervals": 10},
+}
+
+
+def test_starts_are_the_same_every_time_and_respect_bounds(flexible_spacecraft: dict[str, Any]) -> None:
+    problem = OptimalControlProblem.from_spec(check_document(flexible_spacecraft).problem)
+    scaling = automatic_scaling(problem)
+    tau = np.linspace(0, 1, 41)
+    first, again = (several_starts(problem, scaling, 9) for _ in range(2))
+    assert first[0] is problem.guess
+    for start, same in zip(first, again, strict=True):
+        np.testing.assert_array_equal(start.controls_at(tau), same.controls_at(tau))
+        assert np.all(np.abs(start.controls_at(tau)) <= 5.0)
+        assert 1.0 <= start.tf <= 100.0
+        np.testing.assert_allclose(
+            start.states_at(tau)[:, [0, -1]], problem.guess.states_at(tau)[:, [0, -1]], atol=1e-14
+        )
+    different = {float(start.controls_at(np.array([0.5]))[0, 0]) for start in first}
+    assert len(different) == 9
+
+
+def test_the_best_of_several_local_optima_is_kept_and_the_others_are_reported() -> None:
+    alone = solve(check_document(TWO_ENDS))
+    assert alone.objective == pytest.approx(-3.8)
+    several = solve(check_document({**TWO_ENDS, "options": {"starts": 6}}))
+    assert several.objective == pytest.approx(-4.2)
+    assert several.success
+    objectives = [start["objective"] for start in several.starts]
+    assert len(objectives) == 6
+    assert min(objectives) == pytest.approx(-4.2)
+    assert max(objectives) == pytest.approx(-3.8)
+    assert [start["objective"] for start in several.starts if start["kept"]] == [several.objective]
