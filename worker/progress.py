@@ -21,7 +21,7 @@ PERIOD = 0.2
 """Time between two exchanges with the store, in seconds: at most five writes a second."""
 
 PATIENCE = 5.0
-"""Time that a solve has, after somebody asked to cancel it, before its process is ended, in seconds."""
+"""Time that a solve has to hear that it is cancelled, and then to come to its end, in seconds."""
 
 
 class StoreProgress:
@@ -44,6 +44,7 @@ class StoreProgress:
         self._written: ProgressReport | None = None
         self._stop = threading.Event()
         self._asked_at: float | None = None
+        self._heard_at: float | None = None
         self._away = False
         self._done = threading.Event()
         self._thread = threading.Thread(target=self._watch, name=f"progress-{job_id}", daemon=True)
@@ -54,7 +55,11 @@ class StoreProgress:
 
     def cancelled(self) -> bool:
         """Tell whether somebody asked to cancel the job, or whether it is not this solve's any more."""
-        return self._stop.is_set()
+        if not self._stop.is_set():
+            return False
+        if self._heard_at is None:
+            self._heard_at = time.monotonic()
+        return True
 
     def __enter__(self) -> StoreProgress:
         self._thread.start()
@@ -88,7 +93,8 @@ class StoreProgress:
         now = time.monotonic()
         if self._asked_at is None:
             self._asked_at = now
-        elif answer is Signal.CANCEL and now - self._asked_at > self._patience:
+        # A solve that has heard is on its way: it verifies and returns its last iterate.
+        elif answer is Signal.CANCEL and now - (self._heard_at or self._asked_at) > self._patience:
             self._end_process()
 
     def _end_process(self) -> None:

@@ -74,18 +74,32 @@ def test_a_solve_goes_on_while_the_server_is_away(caplog: pytest.LogCaptureFixtu
         assert within(5, lambda: "the store does not answer" in caplog.text)
 
 
-def _solve_that_never_listens(settings: QueueSettings, job_id: str, owner: str) -> None:
+def _solve_that_does_not_stop(settings: QueueSettings, job_id: str, owner: str, listens: bool) -> None:
     with connect(settings) as redis:
         store = JobStore(redis, settings)
-        with StoreProgress(store, job_id, owner, period=0.05, patience=0.3):
+        with StoreProgress(store, job_id, owner, period=0.05, patience=0.3) as progress:
+            while listens and not progress.cancelled():
+                time.sleep(0.01)
             time.sleep(60)
 
 
-def test_a_solve_that_does_not_listen_is_ended_with_its_process(
-    store: JobStore, redis: Redis, queue_settings: QueueSettings, job_id: str, owner: str
+def test_a_solve_that_has_heard_has_time_to_return_its_iterate(
+    store: JobStore, job_id: str, owner: str
+) -> None:
+    with StoreProgress(store, job_id, owner, period=0.02, patience=1.0) as progress:
+        store.cancel(job_id)
+        time.sleep(0.7)  # An iteration,
+        assert progress.cancelled()
+        time.sleep(0.7)  # and the verification after it: together longer than the patience.
+    assert store.get(job_id).status is JobStatus.RUNNING
+
+
+@pytest.mark.parametrize("listens", [False, True])
+def test_a_solve_that_does_not_stop_is_ended_with_its_process(
+    store: JobStore, redis: Redis, queue_settings: QueueSettings, job_id: str, owner: str, listens: bool
 ) -> None:
     child = multiprocessing.get_context("spawn").Process(
-        target=_solve_that_never_listens, args=(queue_settings, job_id, owner)
+        target=_solve_that_does_not_stop, args=(queue_settings, job_id, owner, listens)
     )
     child.start()
     store.cancel(job_id)
