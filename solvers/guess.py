@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -78,11 +78,12 @@ def make_guess(
     the final time at the geometric mean of its bounds, max(2 lower, 1) without an upper one.
     """
     t0 = _middle(times[0])
-    tf = (
-        _default_final_time(times[1], t0)
-        if spec.final_time is None
-        else evaluate_constant(spec.final_time, parameters)
-    )
+    if spec.final_time is not None:
+        tf = evaluate_constant(spec.final_time, parameters)
+    elif spec.from_result is not None:
+        tf = evaluate_constant(spec.from_result["t"][-1], parameters)
+    else:
+        tf = _default_final_time(times[1], t0)
     return Guess(
         t0,
         tf,
@@ -128,10 +129,25 @@ def _line(start: Interval, stop: Interval, bounds: Interval) -> Vector:
 def _history(
     spec: GuessSpec, name: str, parameters: dict[str, float], *, times: Interval
 ) -> tuple[Vector, Vector] | None:
+    """What the document gives for a state or control, over normalised time."""
     given = spec.history(name, parameters)
     if given is None:
-        return None
+        return _earlier(spec.from_result or {}, name, parameters)
     instants, values = given
     if instants is None:
         return np.linspace(0.0, 1.0, len(values)), np.array(values)
     return (np.array(instants) - times[0]) / (times[1] - times[0]), np.array(values)
+
+
+def _earlier(
+    nodes: Mapping[str, Any], name: str, parameters: dict[str, float]
+) -> tuple[Vector, Vector] | None:
+    """The nodes of an earlier result, its own time span stretched to [0, 1]."""
+    values = nodes.get("states", {}).get(name, nodes.get("controls", {}).get(name))
+    if values is None:
+        return None
+    times, numbers = (
+        np.array([evaluate_constant(entry, parameters) for entry in entries])
+        for entries in (nodes["t"], values)
+    )
+    return (times - times[0]) / (times[-1] - times[0]), numbers

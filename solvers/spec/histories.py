@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from solvers.spec.checks import check_constant
-from solvers.spec.faults import Flaws, kind_of
+from solvers.spec.faults import Flaws, kind_of, refuse
 from solvers.spec.fields import VALUE_SCHEMA, Check
 from solvers.spec.scope import Scope
 from solvers.spec.tables import list_of, object_of, unknown_key
@@ -93,3 +93,33 @@ class TimeList(Check):
     def schema(self) -> dict[str, Any]:
         """A list of values."""
         return {"type": "array", "items": VALUE_SCHEMA, "minItems": 1, "maxItems": MAX_GUESS}
+
+
+class ResultNodes(Check):
+    """The ``nodes`` of a result: ``t`` and, over it, states and controls; what else they hold is not read."""
+
+    def check(self, value: Any, scope: Scope) -> dict[str, Any]:
+        """Return the nodes as submitted."""
+        nodes, flaws = object_of(value), Flaws()
+        times = nodes.get("t")
+        if not isinstance(times, list) or len(times) < 2:
+            raise refuse("must be the 'nodes' of a result: its list 't' of two times or more is missing")
+        check_times(times, scope, flaws, "t")
+        for group, names in (("states", scope.states), ("controls", scope.controls)):
+            table = nodes.get(group, {})
+            if not isinstance(table, dict):
+                flaws.add(f"must be an object of lists, not {kind_of(table)}", group)
+                continue
+            for name, values in table.items():
+                if scope.known and name not in names:
+                    flaws.add(unknown_key(name, group[:-1], names, scope), group, name)
+                elif len(check_values(values, scope, flaws, group, name)) not in (0, len(times)):
+                    flaws.add(f"{len(times)} times for {len(values)} values", group, name)
+        flaws.raise_any()
+        return nodes
+
+    def schema(self) -> dict[str, Any]:
+        """An object with times, states and controls."""
+        lists = {"type": "object", "additionalProperties": {"type": "array", "items": VALUE_SCHEMA}}
+        properties = {"t": TimeList().schema(), "states": lists, "controls": lists}
+        return {"type": "object", "properties": properties, "required": ["t"]}

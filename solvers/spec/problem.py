@@ -18,7 +18,7 @@ from solvers.spec.fields import (
     Text,
     Unsupported,
 )
-from solvers.spec.histories import HistoryTable, TimeList
+from solvers.spec.histories import HistoryTable, ResultNodes, TimeList
 from solvers.spec.models import FirstOrderModel, LibraryReference, MechanicalModel, SubmittedModel
 from solvers.spec.scope import Scope
 from solvers.spec.tables import BoundTable, UnitTable
@@ -103,8 +103,8 @@ class Guess(SpecModel):
     """State -> values over time."""
     controls: Annotated[dict[str, History], HistoryTable("control")] = Field(default_factory=dict)
     """Control -> values over time."""
-    from_result: Annotated[None, Unsupported("a guess from a result is")] = None
-    """Nodes of a result; not in this version."""
+    from_result: Annotated[dict[str, Any], ResultNodes()] | None = None
+    """The ``nodes`` of a result, stretched over the time span; the other keys go before it."""
 
     def history(
         self, name: str, parameters: dict[str, float]

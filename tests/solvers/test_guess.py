@@ -7,8 +7,10 @@ from typing import Any
 import numpy as np
 import pytest
 
+from solvers.errors import DocumentError
 from solvers.guess import Guess
 from solvers.problem import OptimalControlProblem
+from solvers.solve import solve
 from solvers.spec import check_document
 
 ENDS = np.array([0.0, 1.0])
@@ -60,3 +62,43 @@ def test_given_lists_are_equally_spaced_or_stand_at_given_times(rigid_body: dict
     np.testing.assert_allclose(equal.states_at(np.array([0.25, 0.5]))[0], [1, 2])
     timed = guess_of(rigid_body, guess={"final_time": 4, "times": [0, 1, 4], "controls": {"u": [0, 1, 0]}})
     np.testing.assert_allclose(timed.controls_at(np.array([0.125, 0.25, 0.625]))[0], [0.5, 1, 0.5])
+
+
+def test_the_nodes_of_a_result_are_stretched_over_the_horizon(rigid_body: dict[str, Any]) -> None:
+    nodes = {"t": [1, 2, 5], "states": {"x": [0, 1, 2]}, "controls": {"u": [1, 0, -1]}, "costates": {"x": []}}
+    guess = guess_of(rigid_body, guess={"from_result": nodes})
+    assert guess.tf == 5.0
+    np.testing.assert_allclose(guess.states_at(np.array([0.125, 0.25, 1.0]))[0], [0.5, 1.0, 2.0])
+    longer = guess_of(rigid_body, guess={"from_result": nodes, "final_time": 9, "states": {"x": [7]}})
+    assert longer.tf == 9.0
+    np.testing.assert_allclose(longer.states_at(ENDS)[0], [7.0, 7.0])
+    np.testing.assert_allclose(longer.controls_at(np.array([0.25]))[0], [0.0])
+
+
+@pytest.mark.parametrize(
+    ("nodes", "pointer"),
+    [
+        ({}, "/problem/guess/from_result"),
+        ({"t": [0, 1], "states": {"y": [0, 1]}}, "/problem/guess/from_result/states/y"),
+        ({"t": [0, 1], "states": {"x": [0]}}, "/problem/guess/from_result/states/x"),
+        ({"t": [0, 0]}, "/problem/guess/from_result/t/1"),
+        ({"t": [0, 1], "controls": {"u": [0, None]}}, "/problem/guess/from_result/controls/u/1"),
+    ],
+)
+def test_nodes_that_are_not_nodes_are_refused(
+    rigid_body: dict[str, Any], nodes: dict[str, Any], pointer: str
+) -> None:
+    with pytest.raises(DocumentError) as caught:
+        guess_of(rigid_body, guess={"from_result": nodes})
+    assert [fault.pointer for fault in caught.value.faults] == [pointer]
+
+
+def test_a_result_of_one_method_starts_another(flexible_spacecraft: dict[str, Any]) -> None:
+    flexible_spacecraft["method"] = {"name": "swcm", "J": 3}
+    first = solve(check_document(flexible_spacecraft))
+    flexible_spacecraft["method"] = {"name": "hermite_simpson", "intervals": 40}
+    cold = solve(check_document(flexible_spacecraft))
+    flexible_spacecraft["problem"]["guess"] = {"from_result": first.result()["nodes"]}
+    started = solve(check_document(flexible_spacecraft))
+    assert started.objective == pytest.approx(cold.objective, abs=1e-6)
+    assert started.statistics.iterations < cold.statistics.iterations

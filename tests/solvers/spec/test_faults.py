@@ -366,10 +366,6 @@ UNSUPPORTED: list[tuple[dict[str, Any], str]] = [
         {"/problem/path_constraints": [{"expression": "T", "bounds": 0, "during": [0, 0.5]}]},
         "/problem/path_constraints/0/during",
     ),
-    (
-        {"/problem/guess/from_result": {}, "/problem/guess/from_result/nodes": {}},
-        "/problem/guess/from_result",
-    ),
     ({"/output/command": {"period": 0.1}}, "/output/command"),
     ({"/output/coast": 10}, "/output/coast"),
     ({"/warm_start": "0197a0b0"}, "/warm_start"),
