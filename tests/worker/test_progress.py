@@ -1,11 +1,11 @@
 import logging
-import multiprocessing
 import signal
+import subprocess
+import sys
 import time
 from collections.abc import Callable
 
 import pytest
-from redis import Redis
 
 from solvers.progress import ProgressReport
 from worker.progress import StoreProgress
@@ -74,15 +74,6 @@ def test_a_solve_goes_on_while_the_server_is_away(caplog: pytest.LogCaptureFixtu
         assert within(5, lambda: "the store does not answer" in caplog.text)
 
 
-def _solve_that_does_not_stop(settings: QueueSettings, job_id: str, owner: str, listens: bool) -> None:
-    with connect(settings) as redis:
-        store = JobStore(redis, settings)
-        with StoreProgress(store, job_id, owner, period=0.05, patience=0.3) as progress:
-            while listens and not progress.cancelled():
-                time.sleep(0.01)
-            time.sleep(60)
-
-
 def test_a_solve_that_has_heard_has_time_to_return_its_iterate(
     store: JobStore, job_id: str, owner: str
 ) -> None:
@@ -94,17 +85,28 @@ def test_a_solve_that_has_heard_has_time_to_return_its_iterate(
     assert store.get(job_id).status is JobStatus.RUNNING
 
 
-@pytest.mark.parametrize("listens", [False, True])
+SOLVE_THAT_DOES_NOT_STOP = """
+import sys, time
+from worker.progress import StoreProgress
+from worker.settings import QueueSettings
+from worker.store import JobStore, connect
+
+broker, prefix, job_id, owner, listens = sys.argv[1:]
+settings = QueueSettings(broker=broker, prefix=prefix)
+with StoreProgress(JobStore(connect(settings), settings), job_id, owner, 0.05, 0.3) as progress:
+    while listens == "listens" and not progress.cancelled():
+        time.sleep(0.01)
+    time.sleep(60)
+"""
+
+
+@pytest.mark.parametrize("listens", ["listens", "does not listen"])
 def test_a_solve_that_does_not_stop_is_ended_with_its_process(
-    store: JobStore, redis: Redis, queue_settings: QueueSettings, job_id: str, owner: str, listens: bool
+    store: JobStore, queue_settings: QueueSettings, job_id: str, owner: str, listens: str
 ) -> None:
-    child = multiprocessing.get_context("spawn").Process(
-        target=_solve_that_does_not_stop, args=(queue_settings, job_id, owner, listens)
-    )
-    child.start()
+    arguments = [queue_settings.broker, queue_settings.prefix, job_id, owner, listens]
+    child = subprocess.Popen([sys.executable, "-c", SOLVE_THAT_DOES_NOT_STOP, *arguments])
     store.cancel(job_id)
-    child.join(20)
-    assert child.exitcode == -signal.SIGKILL
+    assert child.wait(20) == -signal.SIGKILL
     record = store.get(job_id)
     assert (record.status, record.has_result) == (JobStatus.CANCELLED, False)
-    child.close()
