@@ -14,7 +14,7 @@ import functools
 import time
 from collections.abc import AsyncIterator, Awaitable, Callable, Iterator
 from types import TracebackType
-from typing import Concatenate, ParamSpec, Self, TypeVar, Unpack
+from typing import Any, Concatenate, ParamSpec, Self, TypeVar, Unpack
 
 import httpx
 
@@ -46,6 +46,12 @@ __all__ = [
 
 P = ParamSpec("P")
 T = TypeVar("T")
+
+
+def _settings(url: str) -> dict[str, Any]:
+    """How to reach ``url``: no proxy stands before this machine itself, whatever the environment says."""
+    here = httpx.URL(url).host in {"localhost", "127.0.0.1", "::1"}
+    return {"base_url": url, "trust_env": not here}
 
 
 def _unreachable(error: httpx.TransportError, url: httpx.URL) -> ServerUnreachable:
@@ -82,7 +88,7 @@ class Client:
     """
 
     def __init__(self, url: str = "http://127.0.0.1:8000") -> None:
-        self._http = httpx.Client(base_url=url)
+        self._http = httpx.Client(**_settings(url))
 
     def __enter__(self) -> Self:
         return self
@@ -153,7 +159,7 @@ class AsyncClient:
     """The same client for asyncio: the methods of `Client`, awaited."""
 
     def __init__(self, url: str = "http://127.0.0.1:8000") -> None:
-        self._http = httpx.AsyncClient(base_url=url)
+        self._http = httpx.AsyncClient(**_settings(url))
 
     async def __aenter__(self) -> Self:
         return self

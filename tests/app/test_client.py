@@ -267,6 +267,12 @@ def test_nobody_there_is_told_with_the_address() -> None:
         client.cases()
 
 
+def test_a_proxy_is_not_asked_for_this_machine(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("HTTP_PROXY", "http://127.0.0.1:9")
+    with answering(OK) as (url, _), Client(url) as client:
+        assert client.job("1") == JOB
+
+
 def test_an_id_cannot_lead_elsewhere() -> None:
     with answering(OK) as (url, asked), Client(url) as client:
         client.job("../cases?x=1#y")
