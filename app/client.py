@@ -29,7 +29,7 @@ from app.client_answers import (
     ServerUnreachable,
     WaitTimeout,
 )
-from app.client_calls import Call, Flow, Patience
+from app.client_calls import Call, Outcome, Steps
 
 __all__ = [
     "AsyncClient",
@@ -54,11 +54,7 @@ def _settings(url: str) -> dict[str, Any]:
     return {"base_url": url, "trust_env": not here}
 
 
-def _unreachable(error: httpx.TransportError, url: httpx.URL) -> ServerUnreachable:
-    return ServerUnreachable(f"no answer from {url}: {str(error) or type(error).__name__}")
-
-
-def _synchronous(make: Callable[P, Call[T] | Flow[T]]) -> Callable[Concatenate[Client, P], T]:
+def _synchronous(make: Callable[P, Call[T] | Steps[T]]) -> Callable[Concatenate[Client, P], T]:
     """The method of `Client` that carries out what ``make`` makes."""
 
     @functools.wraps(make)
@@ -69,7 +65,7 @@ def _synchronous(make: Callable[P, Call[T] | Flow[T]]) -> Callable[Concatenate[C
 
 
 def _asynchronous(
-    make: Callable[P, Call[T] | Flow[T]],
+    make: Callable[P, Call[T] | Steps[T]],
 ) -> Callable[Concatenate[AsyncClient, P], Awaitable[T]]:
     """The method of `AsyncClient` that carries out what ``make`` makes."""
 
@@ -102,31 +98,23 @@ class Client:
         """Close the connections."""
         self._http.close()
 
-    def _send(self, call: Call[T]) -> T:
-        patience = Patience()
-        while True:
-            try:
-                response = self._http.send(call.request(self._http))
-            except httpx.TransportError as error:
-                if patience.repeat_after(error):
-                    continue
-                raise _unreachable(error, self._http.base_url) from error
-            if (pause := patience.pause_after(response)) is None:
-                return call.finish(response)
-            time.sleep(pause)
-
-    def _carry_out(self, wanted: Call[T] | Flow[T]) -> T:
-        if isinstance(wanted, Call):
-            return self._send(wanted)
+    def _send(self, call: Call[Any]) -> Outcome:
         try:
-            call = next(wanted)
+            return self._http.send(call.request(self._http))
+        except httpx.TransportError as error:
+            return error
+
+    def _carry_out(self, wanted: Call[T] | Steps[T]) -> T:
+        steps = calls.ask(wanted) if isinstance(wanted, Call) else wanted
+        outcome: Outcome = None
+        try:
             while True:
-                try:
-                    answer = self._send(call)
-                except ClientError as error:
-                    call = wanted.throw(error)
+                step = steps.send(outcome)
+                if isinstance(step, Call):
+                    outcome = self._send(step)
                 else:
-                    call = wanted.send(answer)
+                    time.sleep(step)
+                    outcome = None
         except StopIteration as stop:
             value: T = stop.value
             return value
@@ -148,10 +136,10 @@ class Client:
 
     def jobs(self, **filters: Unpack[JobFilters]) -> Iterator[Job]:
         """Iterate over all jobs that match, newest first, page after page of ``limit``."""
-        page = self._send(calls.first_page(filters))
+        page = self._carry_out(calls.first_page(filters))
         yield from page.jobs
         while page.next is not None:
-            page = self._send(calls.next_page(page))
+            page = self._carry_out(calls.next_page(page))
             yield from page.jobs
 
 
@@ -173,31 +161,23 @@ class AsyncClient:
         """Close the connections."""
         await self._http.aclose()
 
-    async def _send(self, call: Call[T]) -> T:
-        patience = Patience()
-        while True:
-            try:
-                response = await self._http.send(call.request(self._http))
-            except httpx.TransportError as error:
-                if patience.repeat_after(error):
-                    continue
-                raise _unreachable(error, self._http.base_url) from error
-            if (pause := patience.pause_after(response)) is None:
-                return call.finish(response)
-            await asyncio.sleep(pause)
-
-    async def _carry_out(self, wanted: Call[T] | Flow[T]) -> T:
-        if isinstance(wanted, Call):
-            return await self._send(wanted)
+    async def _send(self, call: Call[Any]) -> Outcome:
         try:
-            call = next(wanted)
+            return await self._http.send(call.request(self._http))
+        except httpx.TransportError as error:
+            return error
+
+    async def _carry_out(self, wanted: Call[T] | Steps[T]) -> T:
+        steps = calls.ask(wanted) if isinstance(wanted, Call) else wanted
+        outcome: Outcome = None
+        try:
             while True:
-                try:
-                    answer = await self._send(call)
-                except ClientError as error:
-                    call = wanted.throw(error)
+                step = steps.send(outcome)
+                if isinstance(step, Call):
+                    outcome = await self._send(step)
                 else:
-                    call = wanted.send(answer)
+                    await asyncio.sleep(step)
+                    outcome = None
         except StopIteration as stop:
             value: T = stop.value
             return value
@@ -219,10 +199,10 @@ class AsyncClient:
 
     async def jobs(self, **filters: Unpack[JobFilters]) -> AsyncIterator[Job]:
         """Iterate over all jobs that match, newest first, page after page of ``limit``."""
-        page = await self._send(calls.first_page(filters))
+        page = await self._carry_out(calls.first_page(filters))
         while True:
             for job in page.jobs:
                 yield job
             if page.next is None:
                 return
-            page = await self._send(calls.next_page(page))
+            page = await self._carry_out(calls.next_page(page))

@@ -1,7 +1,8 @@
 """What a client asks of the service and how it reads the answers, without any input or output.
 
-A `Call` is one request with its reader; a `Flow` is a generator that yields calls, is sent what they
-return, and returns what the caller wants. `app.client` carries both out, synchronously or not.
+A `Call` is one request with its reader. `Steps` are a generator that yields calls to be sent and pauses to be
+made (in seconds), is sent the response or the error of each call, and returns what the caller wants.
+`app.client` makes the steps, synchronously or not.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ from urllib.parse import quote
 
 import httpx
 
-from app.client_answers import Job, JobFailed, JobFilters, RequestRefused, WaitTimeout
+from app.client_answers import Job, JobFailed, JobFilters, RequestRefused, ServerUnreachable, WaitTimeout
 
 T = TypeVar("T")
 Document = Mapping[str, Any]
@@ -65,7 +66,8 @@ class Call(Generic[T]):
         raise RequestRefused(response.status_code, problem if isinstance(problem, dict) else {})
 
 
-Flow = Generator[Call[Any], Any, T]
+Outcome = httpx.Response | httpx.TransportError | None
+Steps = Generator[Call[Any] | float, Outcome, T]
 
 
 @dataclass(frozen=True, slots=True)
@@ -104,6 +106,21 @@ class Patience:
         return asked if asked <= LONGEST_PAUSE else None
 
 
+def ask(call: Call[T]) -> Steps[T]:
+    """Send a call until it has its answer, or until patience ends."""
+    patience = Patience()
+    while True:
+        outcome = yield call
+        if isinstance(outcome, httpx.Response):
+            pause = patience.pause_after(outcome)
+            if pause is None:
+                return call.finish(outcome)
+            yield pause
+        elif isinstance(outcome, httpx.TransportError) and not patience.repeat_after(outcome):
+            reason = str(outcome) or type(outcome).__name__
+            raise ServerUnreachable(f"no answer from {outcome.request.url.join('/')}: {reason}") from outcome
+
+
 def submit(document: Document, *, idempotency_key: str | None = None) -> Call[Job]:
     """Queue a job document and return the job."""
     key = idempotency_key or uuid.uuid4().hex
@@ -126,7 +143,7 @@ def wait(
     timeout: float | None = None,
     on_progress: Callable[[Job], object] | None = None,
     every: float = 1.0,
-) -> Flow[Job]:
+) -> Steps[Job]:
     """Return the job when it is final.
 
     ``timeout`` in seconds raises `WaitTimeout` (the job goes on); ``on_progress`` is shown the job every
@@ -136,7 +153,8 @@ def wait(
     poll = LONG_POLL if on_progress is None else every
     while True:
         left = poll if deadline is None else max(min(poll, deadline - time.monotonic()), 0.0)
-        current: Job = yield Call("GET", _of(job_id), _json, params={"wait": round(left, 3)}, seconds=left)
+        poll_once: Call[Job] = Call("GET", _of(job_id), _json, params={"wait": round(left, 3)}, seconds=left)
+        current = yield from ask(poll_once)
         if on_progress is not None:
             on_progress(current)
         if current["status"] in FINAL:
@@ -151,20 +169,19 @@ def solve(
     timeout: float | None = None,
     on_progress: Callable[[Job], object] | None = None,
     every: float = 1.0,
-) -> Flow[dict[str, Any]]:
+) -> Steps[dict[str, Any]]:
     """Submit a job document, wait, and return its result: look at its ``success``.
 
     The other arguments are those of ``wait``. Raises `JobFailed` when the job ended without an iterate.
     """
-    queued: Job = yield submit(document)
+    queued = yield from ask(submit(document))
     final = yield from wait(queued["id"], timeout=timeout, on_progress=on_progress, every=every)
     try:
-        answer: dict[str, Any] = yield result(final["id"])
+        return (yield from ask(result(final["id"])))
     except RequestRefused as error:
         if error.status == httpx.codes.NOT_FOUND:
             raise JobFailed(final) from error
         raise
-    return answer
 
 
 def result(job_id: str) -> Call[dict[str, Any]]:
