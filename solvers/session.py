@@ -58,6 +58,13 @@ class Session:
     convergence: list[dict[str, Any]] = field(default_factory=list)
     iterations: int = 0
 
+    @property
+    def stop(self) -> SolveStatus | None:
+        """Why to begin nothing new: somebody asked to stop, or the time is over."""
+        if self.progress.cancelled():
+            return SolveStatus.CANCELLED
+        return SolveStatus.TIME_LIMIT if time.monotonic() >= self.limits.deadline else None
+
     def solve(
         self,
         transcription: Transcription,

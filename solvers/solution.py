@@ -6,6 +6,7 @@ import math
 import platform
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cache
 from importlib.metadata import version
 from typing import Any
 
@@ -119,6 +120,7 @@ class Solution:
         return np.sort(np.concatenate([times, np.repeat(np.unique(switches), 2)]))
 
 
+@cache
 def _provenance() -> dict[str, Any]:
     return {
         "versions": {name: version(name) for name in ("ondelette", "casadi", "numpy", "scipy")}

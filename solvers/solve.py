@@ -44,6 +44,7 @@ _LEVEL_STRIDE = 4
 _COARSEST_LEVEL = 1
 _VERIFY_SECONDS = 60.0
 _VERIFY_SECONDS_UNCONVERGED = 2.0
+_VERIFY_SECONDS_CANCELLED = 0.5
 
 
 def solve(spec: JobSpec, progress: Progress | None = None) -> Solution:
@@ -135,6 +136,10 @@ def _continue(
         solved = session.solve(transcription, label, part, warm=start is not first)
         if solved.stopped:
             break
+        # Building a fine mesh takes its time: ask before.
+        stop = session.stop if index + 1 < len(meshes) else None
+        if stop is not None:
+            return replace(solved, outcome=replace(solved.outcome, status=stop))
         # A coarse mesh that does not converge says nothing about the next one: start that like the first.
         start = solved.trajectory if solved.converged else first
     return solved
@@ -144,6 +149,8 @@ def _verify(session: Session, spec: JobSpec, solved: Solved) -> Verification:
     started = time.perf_counter()
     session.progress.report(ProgressReport("verify", session.iterations, fraction=1.0))
     patience = _VERIFY_SECONDS if solved.converged else _VERIFY_SECONDS_UNCONVERGED
+    if solved.outcome.status is SolveStatus.CANCELLED:
+        patience = _VERIFY_SECONDS_CANCELLED
     tolerances = Tolerances(**spec.verification_tolerances())
     verification = verify(session.problem, solved.trajectory, tolerances, time.monotonic() + patience)
     session.convergence[-1]["max_state_error"] = verification.max_state_error

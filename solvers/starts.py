@@ -43,7 +43,8 @@ class PerturbedStart:
     def states_at(self, tau: Vector) -> Vector:
         """See :class:`solvers.guess.Start`."""
         waves = np.sin(np.pi * np.arange(1, _WAVES + 1)[:, None] * tau)
-        return self.base.states_at(tau) + self.waves @ np.vstack([waves, tau, 1.0 - tau])
+        added: Vector = self.waves @ np.vstack([waves, tau, 1.0 - tau])
+        return self.base.states_at(tau) + added
 
     def controls_at(self, tau: Vector) -> Vector:
         """See :class:`solvers.guess.Start`."""

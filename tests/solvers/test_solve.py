@@ -189,3 +189,14 @@ def test_what_is_not_computed_is_null(rigid_body: dict[str, Any]) -> None:
     assert result["verification"]["mesh_error_estimate"] is None
     assert result["sensitivity"] is None
     assert all(math.isfinite(value) for value in result["statistics"]["seconds"].values())
+
+
+def test_a_solve_is_asked_to_stop_before_a_fine_mesh_is_built(flexible_spacecraft: dict[str, Any]) -> None:
+    """Between two levels: the answer of the coarse one comes back as it is."""
+    coarse = {"name": "swcm", "J": 2}
+    iterations = solve(check_document({**flexible_spacecraft, "method": coarse})).statistics.iterations
+    document = {**flexible_spacecraft, "method": {"name": "swcm", "J": 6}}
+    solution = solve(check_document(document), Recorder(patience=iterations + 1))
+    assert solution.status is SolveStatus.CANCELLED
+    assert len(solution.convergence) == 1
+    assert solution.trajectory.nodes.size == 8 * 2**2 + 1
