@@ -12,10 +12,11 @@ from fastapi import Depends, Request
 from app.errors import ServiceError
 from app.settings import Settings
 from app.watch import StatusWatch
+from solvers.errors import DocumentError, Fault
 from solvers.sizes import ProblemSize, problem_size
 from solvers.spec import JobSpec, check_document, parse_document
 from worker.claims import Claims
-from worker.errors import QueueUnavailable
+from worker.errors import JobGone, JobNotFound, QueueUnavailable
 from worker.queue import JobQueue, make_celery
 from worker.records import JobRecord, JobStatus, new_job_id
 from worker.store import JobStore, connect
@@ -53,6 +54,7 @@ class Service:
         Raises DocumentError, KeyReused, KeyInFlight, and QueueUnavailable, after which nothing is remembered.
         """
         spec, size = check(body)
+        self._find_start(spec)
         record = JobRecord(
             id=new_job_id(),
             status=JobStatus.QUEUED,
@@ -76,6 +78,18 @@ class Service:
             raise
         self.claims.settle(key, body, record.id)
         return record
+
+    def _find_start(self, spec: JobSpec) -> None:
+        """Refuse a document that wants to start from a job that is unknown or has no result yet."""
+        if spec.warm_start is None:
+            return
+        try:
+            there = self.store.result(spec.warm_start) is not None
+        except (JobNotFound, JobGone):
+            there = False
+        if not there:
+            detail = "no job with this id has a result; submit again when it has, or leave the key out"
+            raise DocumentError([Fault("/warm_start", detail)])
 
     def _queue(self, record: JobRecord, body: bytes) -> None:
         # The record first: a worker may have the message before this process has its answer.

@@ -7,16 +7,16 @@ from collections.abc import Iterator
 import numpy as np
 
 from solvers.backends import NUMPY
-from solvers.errors import EvaluationError
+from solvers.errors import Fault
 from solvers.expressions import Expression, parse
 from solvers.problem import OptimalControlProblem
 from solvers.spec import MechanicalModel, ProblemSpec
 from solvers.trajectory import Trajectory
 
 
-def find_evaluation_error(
+def find_evaluation_fault(
     spec: ProblemSpec, problem: OptimalControlProblem, trajectory: Trajectory
-) -> EvaluationError | None:
+) -> Fault | None:
     """The first expression that is not finite on the nodes of this trajectory, or None."""
     tau = trajectory.nodes
     times = trajectory.time(tau)
@@ -31,7 +31,7 @@ def find_evaluation_error(
                 for name in sorted(expression.names - set(problem.parameters))
             )
             detail = f"'{expression.text}' has no finite value at t = {times[bad[0]]:.6g}"
-            return EvaluationError(pointer, f"{detail} ({where})" if where else detail)
+            return Fault(pointer, f"{detail} ({where})" if where else detail)
     return None
 
 

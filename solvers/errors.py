@@ -42,12 +42,3 @@ class ExpressionError(OndeletteError):
         self.detail = detail
         self.position = position
         super().__init__(f"{detail} (at character {position + 1})")
-
-
-class EvaluationError(OndeletteError):
-    """An expression of the document has no finite value where it was evaluated."""
-
-    def __init__(self, pointer: str, detail: str) -> None:
-        self.pointer = pointer
-        self.detail = detail
-        super().__init__(f"{pointer}: {detail}")

@@ -9,8 +9,10 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from solvers.curves import Curve
 from solvers.spec import Guess as GuessSpec
 from solvers.spec import evaluate_constant
+from solvers.trajectory import Trajectory
 
 Vector = NDArray[np.float64]
 Interval = tuple[float, float]
@@ -38,6 +40,34 @@ class Start(Protocol):
     def controls_at(self, tau: Vector) -> Vector:
         """Controls at K instants of normalised time, (m, K)."""
         ...
+
+
+@dataclass(frozen=True)
+class WarmStart:
+    """An earlier answer, of any method and mesh; what it does not name is taken from a guess."""
+
+    earlier: Trajectory
+    guess: Guess
+    states: tuple[str, ...]
+    controls: tuple[str, ...]
+
+    @property
+    def t0(self) -> float:
+        """Initial time of the earlier answer."""
+        return self.earlier.t0
+
+    @property
+    def tf(self) -> float:
+        """Final time of the earlier answer."""
+        return self.earlier.tf
+
+    def states_at(self, tau: Vector) -> Vector:
+        """See :class:`Start`."""
+        return _named(self.earlier.states, self.states, self.guess.states_at(tau), tau)
+
+    def controls_at(self, tau: Vector) -> Vector:
+        """See :class:`Start`."""
+        return _named(self.earlier.controls, self.controls, self.guess.controls_at(tau), tau)
 
 
 @dataclass(frozen=True)
@@ -97,6 +127,12 @@ def make_guess(
             for j, name in enumerate(controls)
         ),
     )
+
+
+def _named(curves: Mapping[str, Curve], names: Sequence[str], otherwise: Vector, tau: Vector) -> Vector:
+    """Curves by name, (n, K); rows of ``otherwise`` for names without a curve."""
+    rows = [curves[name](tau) if name in curves else row for name, row in zip(names, otherwise, strict=True)]
+    return np.array(rows).reshape(-1, tau.size)
 
 
 def _sample(pieces: Sequence[tuple[Vector, Vector]], tau: Vector) -> Vector:

@@ -11,8 +11,9 @@ import numpy as np
 
 from solvers.bases.graded import GradedKnots
 from solvers.certificate import hamiltonian_drift
-from solvers.diagnosis import find_evaluation_error
-from solvers.guess import Start
+from solvers.diagnosis import find_evaluation_fault
+from solvers.errors import DocumentError, Fault
+from solvers.guess import Start, WarmStart
 from solvers.optimizers.ipopt import Limits
 from solvers.problem import OptimalControlProblem
 from solvers.progress import Progress, ProgressReport, SilentProgress
@@ -30,6 +31,7 @@ from solvers.spec import (
 from solvers.starts import several_starts
 from solvers.status import SolveStatus
 from solvers.switching import find_switching
+from solvers.trajectory import Trajectory
 from solvers.transcription.base import Transcription
 from solvers.transcription.gauss_pseudospectral import GaussPseudospectral
 from solvers.transcription.hermite_simpson import HermiteSimpson
@@ -47,12 +49,16 @@ _VERIFY_SECONDS_UNCONVERGED = 2.0
 _VERIFY_SECONDS_CANCELLED = 0.5
 
 
-def solve(spec: JobSpec, progress: Progress | None = None) -> Solution:
+def solve(spec: JobSpec, progress: Progress | None = None, earlier: Trajectory | None = None) -> Solution:
     """Solve a checked document and verify the answer.
 
-    Never raises for a numerical failure: the last iterate comes back with its status. Raises what
-    ``progress`` raises.
+    ``earlier`` is the answer of the job that the document names in ``warm_start``. Never raises for a
+    numerical failure: the last iterate comes back with its status. Raises DocumentError if ``warm_start`` is
+    given without ``earlier``, and what ``progress`` raises.
     """
+    if spec.warm_start is not None and earlier is None:
+        detail = "there is no earlier job to start from here; guess.from_result takes the nodes of a result"
+        raise DocumentError([Fault("/warm_start", detail)])
     started = time.perf_counter()
     problem = OptimalControlProblem.from_spec(spec.problem)
     progress = progress or SilentProgress()
@@ -66,7 +72,7 @@ def solve(spec: JobSpec, progress: Progress | None = None) -> Solution:
     )
     session.seconds["build"] = time.perf_counter() - started
     method, meshes = _meshes(spec)
-    answers = _answers(session, meshes, spec.options.starts)
+    answers = _warm_answer(session, meshes, earlier) or _answers(session, meshes, spec.options.starts)
     solved = min(answers, key=_rank)
     costates = solved.transcription.costates(solved.trajectory, solved.outcome.row_multipliers)
     verification = replace(
@@ -106,6 +112,17 @@ def solve(spec: JobSpec, progress: Progress | None = None) -> Solution:
             session.seconds,
         ),
     )
+
+
+def _warm_answer(session: Session, meshes: Sequence[Mesh], earlier: Trajectory | None) -> list[Solved]:
+    """The finest mesh solved from an earlier answer; nothing if there is none or it leads nowhere."""
+    if earlier is None:
+        return []
+    problem = session.problem
+    start = WarmStart(earlier, problem.guess, problem.states, problem.controls)
+    transcription = meshes[-1](problem, session.scaling, start)
+    solved = session.solve(transcription, "solve from the earlier job", warm=True)
+    return [solved] if solved.converged or solved.stopped else []
 
 
 def _answers(session: Session, meshes: Sequence[Mesh], count: int) -> list[Solved]:
@@ -164,9 +181,10 @@ def _judge(
     """The status of the result, and a message with what decided and what to try."""
     status = solved.outcome.status
     if status in (SolveStatus.EVALUATION_ERROR, SolveStatus.DIVERGED):
-        error = find_evaluation_error(spec.problem, session.problem, solved.trajectory)
-        if error is not None:
-            return SolveStatus.EVALUATION_ERROR, f"{SolveStatus.EVALUATION_ERROR.sentence} {error}"
+        fault = find_evaluation_fault(spec.problem, session.problem, solved.trajectory)
+        if fault is not None:
+            status = SolveStatus.EVALUATION_ERROR
+            return status, f"{status.sentence} {fault.pointer}: {fault.detail}"
     if status is SolveStatus.CONVERGED and not verification.passed:
         status = SolveStatus.UNVERIFIED
     details = [status.sentence]

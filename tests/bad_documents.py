@@ -323,7 +323,6 @@ def _unsupported() -> Iterator[BadDocument]:
             "/problem/integrals",
             [{"name": "impulse", "expression": "abs(T)", "bounds": [None, 40]}],
         ),
-        ("warm start", "/warm_start", "0197a0b0-0000-7000-8000-000000000000"),
         ("webhook", "/webhook", {"url": "http://127.0.0.1/"}),
         ("deadline", "/deadline_seconds", 5),
     ):

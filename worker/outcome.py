@@ -7,7 +7,7 @@ import logging
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from solvers.errors import DocumentError, EvaluationError
+from solvers.errors import DocumentError
 from solvers.status import SolveStatus
 from worker.records import FailureType, JobError, JobStatus
 from worker.store import compress
@@ -58,9 +58,6 @@ def of_solution(solution: Solution, job_id: str, limit: int) -> Outcome:
 
 def of_exception(error: Exception, job_id: str) -> Outcome:
     """Return the end of a job whose solve gave no iterate; the unexpected is logged with its trace."""
-    if isinstance(error, EvaluationError):
-        title = _title(SolveStatus.EVALUATION_ERROR)
-        return _failure(FailureType.EVALUATION_ERROR, title, f"{error.pointer}: {error.detail}")
     # CasADi and IPOPT say it in C++ words.
     if isinstance(error, MemoryError) or "bad_alloc" in str(error):
         logger.warning("job %s ran out of memory", job_id)

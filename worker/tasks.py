@@ -5,6 +5,7 @@ Imports the solvers, and with them CasADi: only worker processes import this mod
 
 from __future__ import annotations
 
+import json
 import logging
 from typing import Any, cast
 
@@ -15,7 +16,9 @@ from redis.exceptions import RedisError
 
 from solvers.solve import solve
 from solvers.spec import check_document, parse_document
+from solvers.trajectory import Trajectory
 from worker import outcome
+from worker.errors import JobGone, JobNotFound
 from worker.progress import StoreProgress
 from worker.queue import SOLVE_TASK
 from worker.store import JobStore
@@ -35,7 +38,8 @@ def solve_job(job_id: str, store: JobStore, result_limit: int) -> None:
         return
     with StoreProgress(store, job_id, owner) as progress:
         try:
-            solution = solve(check_document(parse_document(store.document(job_id))), progress)
+            spec = check_document(parse_document(store.document(job_id)))
+            solution = solve(spec, progress, earlier_answer(store, spec.warm_start))
             end = outcome.of_solution(solution, job_id, result_limit)
         except RedisError:
             raise
@@ -45,6 +49,17 @@ def solve_job(job_id: str, store: JobStore, result_limit: int) -> None:
         logger.info("job %s: %s", job_id, end.status)
     else:
         logger.warning("job %s ended elsewhere meanwhile; this end (%s) is not written", job_id, end.status)
+
+
+def earlier_answer(store: JobStore, job_id: str | None) -> Trajectory | None:
+    """Return the answer of the job to start from, None if none is named or it is not there any more."""
+    if job_id is None:
+        return None
+    try:
+        result = store.result(job_id)
+    except (JobNotFound, JobGone):
+        return None
+    return None if result is None else Trajectory.from_result(json.loads(result))
 
 
 class JobRequest(Request):

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from app.cli.common import ExitCode, describe, fail, progress_bar, refuse_document, to_json, write_output
+from app.cli.common import ExitCode, describe, fail, progress_bar, to_json, write_output
 from app.cli.documents import read_document
 from app.cli.targets import draw, output_option, plot_option
 
@@ -76,7 +76,6 @@ def solve(file: str, output: Path | None, plot: Path | None, progress: bool | No
     The result goes to stdout as JSON. Exit code 0: solved and verified; 1: not, the last iterate is written
     all the same; 2: bad input, one line for each mistake on stderr; 3: an error of our own.
     """
-    from solvers.errors import EvaluationError
     from solvers.spec import check_document
 
     spec = check_document(read_document(file))
@@ -84,11 +83,8 @@ def solve(file: str, output: Path | None, plot: Path | None, progress: bool | No
 
     with progress_bar(progress) as bar:
         watcher = BarProgress(bar)
-        try:
-            with watcher.interruptible():
-                solution = solve_spec(spec, watcher)
-        except EvaluationError as error:
-            refuse_document([(error.pointer, error.detail)], ExitCode.NOT_SOLVED)
+        with watcher.interruptible():
+            solution = solve_spec(spec, watcher)
         watcher.finish()
     result = solution.result()
     write_output(to_json(result), output)

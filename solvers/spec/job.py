@@ -138,8 +138,8 @@ class JobSpec(SpecModel):
     """Urgency; normal in this version."""
     reference: Annotated[dict[str, Any], FreeObject()] | None = None
     """The known answer of a case; ignored."""
-    warm_start: Annotated[None, Unsupported("starting from an earlier job is")] = None
-    """Id of an earlier job; not in this version."""
+    warm_start: Annotated[str, Text(64)] | None = None
+    """Id of an earlier job to start from, of any method, mesh and parameters."""
     reuse: Annotated[None, Unsupported("reuse of earlier results is")] = None
     """Whether an earlier result will do; not in this version."""
     deadline_seconds: Annotated[None, Unsupported("deadlines are")] = None

@@ -195,6 +195,22 @@ def test_a_queued_job_that_is_cancelled_never_starts(service: httpx.Client, long
     problem(service.get(f"/v1/jobs/{waiting}/result"), 404, "no-result")
 
 
+def test_a_job_starts_from_an_earlier_one(service: httpx.Client, slew: Document) -> None:
+    from tests.bad_documents import FLEXIBLE_SPACECRAFT
+
+    finer = {**FLEXIBLE_SPACECRAFT, "method": {"name": "swcm", "J": 5}}
+    cold, warm = solved(service, finer), solved(service, {**finer, "warm_start": slew["id"]})
+    results = [service.get(job["links"]["result"]).json() for job in (cold, warm)]
+    assert results[1]["objective"] == pytest.approx(results[0]["objective"], abs=1e-5)
+    assert results[1]["statistics"]["iterations"] < results[0]["statistics"]["iterations"]
+
+
+def test_a_start_from_nowhere_is_refused(service: httpx.Client) -> None:
+    response = service.post("/v1/jobs", json={**RIGID_BODY, "warm_start": new_job_id()})
+    assert response.status_code == 422
+    assert [fault["pointer"] for fault in response.json()["errors"]] == ["/warm_start"]
+
+
 def test_whoever_waits_is_told_at_once(service: httpx.Client) -> None:
     job = service.post("/v1/jobs", json=RIGID_BODY).json()
     final = service.get(job["links"]["self"], params={"wait": 60}).json()

@@ -102,3 +102,24 @@ def test_a_result_of_one_method_starts_another(flexible_spacecraft: dict[str, An
     started = solve(check_document(flexible_spacecraft))
     assert started.objective == pytest.approx(cold.objective, abs=1e-6)
     assert started.statistics.iterations < cold.statistics.iterations
+
+
+@pytest.mark.parametrize("method", [{"name": "swcm", "J": 5}, {"name": "gpm", "nodes": 60}])
+def test_an_earlier_answer_starts_another_mesh_and_other_parameters(
+    flexible_spacecraft: dict[str, Any], method: dict[str, Any]
+) -> None:
+    earlier = solve(check_document({**flexible_spacecraft, "method": {"name": "swcm", "J": 4}}))
+    flexible_spacecraft["problem"]["model"]["parameters"]["k"] = 101
+    document = {**flexible_spacecraft, "method": method}
+    cold = solve(check_document(document))
+    named = check_document({**document, "warm_start": "0197a0b0-0000-7000-8000-000000000000"})
+    warm = solve(named, earlier=earlier.trajectory)
+    assert warm.objective == pytest.approx(cold.objective, abs=1e-5)
+    assert warm.statistics.iterations < cold.statistics.iterations
+    assert len(warm.convergence) == 1
+
+
+def test_an_earlier_answer_that_is_not_there_is_refused(rigid_body: dict[str, Any]) -> None:
+    with pytest.raises(DocumentError) as caught:
+        solve(check_document({**rigid_body, "warm_start": "0197a0b0-0000-7000-8000-000000000000"}))
+    assert [fault.pointer for fault in caught.value.faults] == ["/warm_start"]

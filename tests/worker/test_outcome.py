@@ -5,7 +5,7 @@ from typing import Any
 
 import pytest
 
-from solvers.errors import DocumentError, EvaluationError, Fault
+from solvers.errors import DocumentError, Fault
 from solvers.solve import solve
 from solvers.spec import check_document
 from tests.bad_documents import changed
@@ -63,7 +63,6 @@ def test_a_result_that_is_too_large_is_not_kept() -> None:
 @pytest.mark.parametrize(
     ("error", "type", "words"),
     [
-        (EvaluationError("/problem/objective", "is NaN"), FailureType.EVALUATION_ERROR, "/problem/objective"),
         (MemoryError(), FailureType.OUT_OF_MEMORY, "nodes"),
         (RuntimeError("Error in Function::call: std::bad_alloc"), FailureType.OUT_OF_MEMORY, "nodes"),
         (ZeroDivisionError("a secret"), FailureType.INTERNAL, "ZeroDivisionError"),

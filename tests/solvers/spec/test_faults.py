@@ -368,7 +368,6 @@ UNSUPPORTED: list[tuple[dict[str, Any], str]] = [
     ),
     ({"/output/command": {"period": 0.1}}, "/output/command"),
     ({"/output/coast": 10}, "/output/coast"),
-    ({"/warm_start": "0197a0b0"}, "/warm_start"),
     ({"/reuse": True}, "/reuse"),
     ({"/deadline_seconds": 5}, "/deadline_seconds"),
     ({"/webhook": {"url": "https://example.org/"}}, "/webhook"),
