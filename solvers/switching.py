@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from itertools import pairwise
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from itertools import groupby, pairwise
 from typing import Any
 
 import numpy as np
@@ -13,10 +15,33 @@ from solvers.trajectory import Trajectory
 
 Vector = NDArray[np.float64]
 
-# A node counts as on a bound within this part of the range between the bounds.
+# A node counts as on a bound within this part of the range between the bounds, or of the control's own range.
 _ON_BOUND = 0.02
-# An interior stretch of fewer nodes than this between two bounds is a switch seen through the mesh.
-_SHORTEST_INTERIOR = 4
+SHORTEST_INTERIOR = 4
+"""An interior stretch of fewer nodes than this between two bounds is a switch seen through the mesh."""
+
+# A visit to a bound is chatter of a singular arc if it is shorter than this many nodes ...
+_CHATTER = 4
+# ... and its switching function stays below this part of the largest.
+_WEAK = 1e-2
+
+
+@dataclass(frozen=True)
+class ControlArc:
+    """Nodes ``first`` to ``last`` of a trajectory, where a control is ``lower``, ``upper``, ``interior``."""
+
+    first: int
+    last: int
+    kind: str
+
+    @property
+    def nodes(self) -> int:
+        """The number of nodes."""
+        return self.last - self.first + 1
+
+    def level(self, bounds: Interval) -> float | None:
+        """The bound that the control rests on, None inside."""
+        return {"lower": bounds[0], "upper": bounds[1]}.get(self.kind)
 
 
 def find_switching(problem: OptimalControlProblem, trajectory: Trajectory) -> dict[str, Any]:
@@ -27,55 +52,90 @@ def find_switching(problem: OptimalControlProblem, trajectory: Trajectory) -> di
     """
     found = {}
     for name, bounds in zip(problem.controls, problem.control_bounds, strict=True):
-        if np.isfinite(bounds).all() and bounds[0] < bounds[1]:
-            found[name] = _switches(trajectory, name, bounds)
+        if is_switched(bounds):
+            values = trajectory.controls[name](trajectory.nodes)
+            arcs = control_arcs(values, bounds)
+            found[name] = {
+                "times": trajectory.time(switch_instants(trajectory.nodes, values, bounds, arcs)).tolist(),
+                "levels": [arc.level(bounds) for arc in arcs],
+                "arcs": [arc.kind for arc in arcs],
+            }
     return found
 
 
-def _switches(trajectory: Trajectory, name: str, bounds: Interval) -> dict[str, Any]:
-    tau = trajectory.nodes
-    values = trajectory.controls[name](tau)
-    arcs = _arcs(values, bounds)
-    times = []
-    for (_, last, before), (first, _, after) in pairwise(arcs):
-        levels = [_level(kind, bounds) for kind in (before, after)]
-        if None in levels:
-            times.append(0.5 * (tau[last] + tau[first]))
-        else:
-            middle = 0.5 * (bounds[0] + bounds[1])
-            stretch, crossing = tau[last : first + 1], values[last : first + 1] - middle
-            times.append(float(np.interp(0.0, *_ascending(crossing, stretch))))
-    return {
-        "times": trajectory.time(np.array(times)).tolist(),
-        "levels": [_level(kind, bounds) for _, _, kind in arcs],
-        "arcs": [kind for _, _, kind in arcs],
-    }
+def is_switched(bounds: Interval) -> bool:
+    """Whether a control has two bounds and room between them."""
+    return bool(np.isfinite(bounds).all()) and bounds[0] < bounds[1]
 
 
-def _arcs(values: Vector, bounds: Interval) -> list[tuple[int, int, str]]:
-    """Stretches (first node, last node, kind) in order; short interior ones between others are left out."""
-    margin = _ON_BOUND * (bounds[1] - bounds[0])
-    kinds = np.where(
-        values <= bounds[0] + margin, "lower", np.where(values >= bounds[1] - margin, "upper", "interior")
-    )
-    edges = np.flatnonzero(kinds[1:] != kinds[:-1]) + 1
-    starts, stops = [0, *edges.tolist()], [*edges.tolist(), values.size]
-    runs = [(start, stop - 1, str(kinds[start])) for start, stop in zip(starts, stops, strict=True)]
+def control_arcs(values: Vector, bounds: Interval, strength: Vector | None = None) -> list[ControlArc]:
+    """Arcs in order, from a control at K nodes; a few interior nodes between two bounds are no arc.
+
+    ``strength`` (K,): the magnitude of the switching function relative to its largest. Where it is given,
+    short visits to bounds amid interior nodes that it does not support count as interior.
+    """
+    nearer = np.where(values - bounds[0] < bounds[1] - values, "lower", "upper")
+    kinds = np.where(inside(values, bounds), "interior", nearer)
+    if strength is not None:
+        kinds = _without_chatter(kinds, strength)
+    runs = list(_runs(kinds))
     lasting = [
-        run
-        for run in runs
-        if len(runs) == 1 or run[2] != "interior" or run[1] - run[0] + 1 >= _SHORTEST_INTERIOR
+        run for run in runs if len(runs) == 1 or run.kind != "interior" or run.nodes >= SHORTEST_INTERIOR
     ]
-    merged: list[tuple[int, int, str]] = []
-    for run in lasting or runs[:1]:
-        if merged and merged[-1][2] == run[2]:
-            run = (merged.pop()[0], *run[1:])
-        merged.append(run)
-    return merged
+    return _joined(lasting or runs[:1])
 
 
-def _level(kind: str, bounds: Interval) -> float | None:
-    return {"lower": bounds[0], "upper": bounds[1]}.get(kind)
+def inside(values: Vector, bounds: Interval) -> NDArray[np.bool_]:
+    """Which values lie between the bounds and on neither."""
+    width = bounds[1] - bounds[0]
+    margin = _ON_BOUND * (width if np.isfinite(width) else max(float(np.ptp(values)), 1e-6))
+    return np.asarray((values > bounds[0] + margin) & (values < bounds[1] - margin))
+
+
+def switch_instants(tau: Vector, values: Vector, bounds: Interval, arcs: Sequence[ControlArc]) -> Vector:
+    """Where arcs meet, in ``tau``: midway, between two bounds where the control crosses their middle."""
+    instants = []
+    for before, after in pairwise(arcs):
+        if "interior" in (before.kind, after.kind):
+            instants.append(0.5 * (tau[before.last] + tau[after.first]))
+        else:
+            stretch = slice(before.last, after.first + 1)
+            crossing = values[stretch] - 0.5 * (bounds[0] + bounds[1])
+            instants.append(float(np.interp(0.0, *_ascending(crossing, tau[stretch]))))
+    return np.array(instants)
+
+
+def _without_chatter(kinds: NDArray[np.str_], strength: Vector) -> NDArray[np.str_]:
+    """Interior nodes and weak short visits to bounds between them, together, as interior."""
+    runs = list(_runs(kinds))
+    loose = [
+        run.kind == "interior" or (run.nodes < _CHATTER and strength[run.first : run.last + 1].max() < _WEAK)
+        for run in runs
+    ]
+    result = kinds.copy()
+    for is_loose, group in groupby(range(len(runs)), key=loose.__getitem__):
+        members = [runs[index] for index in group]
+        inside = sum(run.nodes for run in members if run.kind == "interior")
+        nodes = slice(members[0].first, members[-1].last + 1)
+        if is_loose and inside >= SHORTEST_INTERIOR and 3 * inside >= nodes.stop - nodes.start:
+            result[nodes] = "interior"
+    return result
+
+
+def _runs(kinds: NDArray[np.str_]) -> Iterator[ControlArc]:
+    edges = np.flatnonzero(kinds[1:] != kinds[:-1]) + 1
+    for start, stop in pairwise([0, *edges.tolist(), kinds.size]):
+        yield ControlArc(start, stop - 1, str(kinds[start]))
+
+
+def _joined(runs: Sequence[ControlArc]) -> list[ControlArc]:
+    """Neighbours of one kind as one arc."""
+    joined: list[ControlArc] = []
+    for run in runs:
+        if joined and joined[-1].kind == run.kind:
+            run = ControlArc(joined.pop().first, run.last, run.kind)
+        joined.append(run)
+    return joined
 
 
 def _ascending(crossing: Vector, tau: Vector) -> tuple[Vector, Vector]:

@@ -1,47 +1,86 @@
 """Switching refinement: from an answer on a mesh to its true structure, with the switching times as unknowns.
 
-Arcs are read off the answer, solved as a multi-arc problem, and changed until the conditions of Pontryagin's
-principle hold: along an arc on the lower bound the switching function dH/du is not negative, on the upper one
-not positive; arcs that shrink to nothing are dropped, arcs on which the sign is wrong are cut.
+Arcs are read off the answer, solved as a multi-arc problem, and changed until Pontryagin's conditions hold:
+along an arc on the lower bound the switching function dH/du is not negative, on the upper one not positive.
+Arcs that shrink to nothing are dropped, arcs on which the sign is wrong are cut, and where a free control
+comes to rest on a bound a new arc begins. Then nodes are added until the dynamics hold between them.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import time
+from collections.abc import Hashable
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from solvers.certificate import switching_functions
-from solvers.problem import OptimalControlProblem
-from solvers.refine.structure import Structure, find_structure
+from solvers.problem import Interval, OptimalControlProblem
+from solvers.refine.detection import find_structure
+from solvers.refine.mesh import ArcMesh, first_mesh
+from solvers.refine.residual import arc_errors
+from solvers.refine.structure import Pieces, Structure
 from solvers.session import Session, Solved
 from solvers.trajectory import Trajectory
 from solvers.transcription.multi_arc import MultiArc
 
 Vector = NDArray[np.float64]
 
-TOLERANCE = 1e-9
-"""What the residual of the dynamics between nodes may be, relative to each state's scale."""
+TOLERANCE = 5e-9
+"""What the error of the states between nodes should be, relative to each state's scale."""
 
-_ROUNDS = 10
-_FEWEST_NODES = 8
-_MOST_NODES = 100
-# A first number of nodes for each node of the mesh that the answer came from.
-_NODES_SHARE = 0.35
-_MORE_NODES = 1.4
-# A wrong sign counts beyond this part of the largest value of a switching function.
-_WRONG_SIGN = 1e-3
-# The objective may not get worse by more than this part of itself.
+ACCEPTABLE = 1e-7
+"""What it may be where more nodes do not bring it below the tolerance."""
+
+WRONG_SIGN = 1e-3
+"""The largest wrong value of a switching function that is accepted, relative to its largest value.
+
+It is left where switches accumulate or structures would take turns.
+"""
+
+# Switching times enter the objective squared, and a singular control more weakly still: they are as good as
+# the square root of this.
+_PROGRAM_TOLERANCE = 1e-12
+_ROUNDS = 16
+# An arc is cut where the sign is wrong by more than this, and by more than the error of the states.
+_CUT = 1e-6
+# A free control rests on a bound within this part of its range, for so many nodes.
+_RESTS = 1e-6
+_SHORTEST_REST = 2
+# The objective may not get worse by more than this part of itself, or than the error of the first answer.
 _WORSE = 1e-3
 
 
 @dataclass(frozen=True)
-class Refinement:
-    """The refined answer, or None and ``reason``, why the first one stays."""
+class Refined:
+    """A solved multi-arc problem with its structure and mesh.
 
-    solved: Solved | None
+    ``errors``: of the states, segment by segment; ``wrong_sign``: the largest wrong value of a switching
+    function; both relative.
+    """
+
+    solved: Solved
+    structure: Structure
+    mesh: ArcMesh
+    errors: Vector
+    wrong_sign: float
+
+    @property
+    def error(self) -> float:
+        """The largest of the errors."""
+        return float(self.errors.max())
+
+
+@dataclass(frozen=True)
+class Refinement:
+    """The refined answer, or None and ``reason``, why the first one stays.
+
+    ``needed`` is False where the first answer has neither arcs nor limits to refine.
+    """
+
+    refined: Refined | None
     reason: str = ""
+    needed: bool = True
 
 
 def refine_switching(session: Session, first: Solved) -> Refinement:
@@ -49,85 +88,152 @@ def refine_switching(session: Session, first: Solved) -> Refinement:
 
     Raises whatever the progress of the session raises.
     """
-    problem = session.problem
-    structure = find_structure(problem, first.trajectory)
-    counts = _first_counts(structure, first.trajectory)
-    start = first.trajectory
-    for round_ in range(_ROUNDS):
+    started = time.perf_counter()
+    inner = replace(
+        session, tolerance=min(session.tolerance, _PROGRAM_TOLERANCE), seconds={"build": 0.0, "solve": 0.0}
+    )
+    structure = find_structure(
+        session.problem,
+        first.trajectory,
+        lambda: first.transcription.costates(first.trajectory, first.outcome.row_multipliers),
+    )
+    search = _Search(inner, first)
+    reason = search.run(structure)
+    session.iterations = inner.iterations
+    session.seconds["refine"] = time.perf_counter() - started
+    return replace(search.judged(reason), needed=not structure.is_plain)
+
+
+@dataclass
+class _Search:
+    """Goes from structure to structure; keeps the patterns that it has tried and the best that it found."""
+
+    session: Session
+    first: Solved
+    tried: set[Hashable] = field(default_factory=set)
+    best: Refined | None = None
+
+    def run(self, structure: Structure) -> str:
+        """Search from ``structure``; returns why it ended."""
+        problem, start = self.session.problem, self.first.trajectory
+        mesh, settled = self._first_mesh(start, structure), False
+        for round_ in range(_ROUNDS):
+            solved = self._solve(structure, mesh, start, round_)
+            if not solved.converged:
+                return f"the multi-arc problem ended {solved.outcome.status.value}"
+            program, start = solved.transcription, solved.trajectory
+            assert isinstance(program, MultiArc)
+            structure = replace(structure, edges=program.edges_of(start))
+            errors = program.by_segment(arc_errors(problem, start).states.max(axis=0))
+            wrong_sign, changed = _next_structure(problem, solved, structure, max(_CUT, float(errors.max())))
+            if wrong_sign <= WRONG_SIGN:
+                self._keep(Refined(solved, structure, mesh, errors, wrong_sign))
+            if changed is not None and not settled:
+                if changed.pattern not in self.tried:
+                    structure, mesh = changed, self._first_mesh(start, changed)
+                    continue
+                # Structures take turns, or switches accumulate: the best so far, with nodes enough.
+                if self.best is None:
+                    return "the same structures come back"
+                settled, structure, mesh = True, self.best.structure, self.best.mesh
+                start, errors = self.best.solved.trajectory, self.best.errors
+            if errors.max() <= TOLERANCE:
+                return "done"
+            mesh = mesh.refined(start, errors, TOLERANCE)
+        return f"no structure was settled on after {_ROUNDS} rounds"
+
+    def judged(self, reason: str) -> Refinement:
+        """The best that was found, if it may replace the first answer."""
+        best = self.best
+        if best is None:
+            return Refinement(None, reason)
+        if best.error > ACCEPTABLE:
+            return Refinement(None, f"the states between nodes are wrong by {best.error:.1e}; {reason}")
+        worse = best.solved.objective - self.first.objective
+        doubt = float(arc_errors(self.session.problem, self.first.trajectory).states.max())
+        if worse > max(_WORSE, doubt) * max(abs(self.first.objective), abs(best.solved.objective), 1e-6):
+            return Refinement(None, f"the objective would get worse by {worse:.1e}")
+        return Refinement(best)
+
+    def _first_mesh(self, start: Trajectory, structure: Structure) -> ArcMesh:
+        self.tried.add(structure.pattern)
+        return first_mesh(self.session.problem, start, structure)
+
+    def _solve(self, structure: Structure, mesh: ArcMesh, start: Trajectory, round_: int) -> Solved:
         transcription = MultiArc(
-            problem, session.scaling, start, structure.breaks, tuple(counts), structure.pinned
+            self.session.problem,
+            self.session.scaling,
+            start,
+            mesh.breaks(structure.edges),
+            mesh.flat_counts,
+            mesh.parts,
+            structure.pinned,
+            structure.follows(self.session.problem, start),
         )
-        solved = session.solve(transcription, f"switching {round_ + 1}", (0.5, 1.0), warm=True)
-        if not solved.converged:
-            return Refinement(None, f"the multi-arc problem ended {solved.outcome.status.value}")
-        start = solved.trajectory
-        found = Structure(np.array(start.basis["breaks"]), structure.pinned)
-        reduced = found.without_empty_arcs()
-        changed = _cut_wrong_signs(problem, solved, reduced) if reduced.arcs == found.arcs else reduced
-        if changed is not reduced or reduced.arcs != found.arcs:
-            structure, counts = changed, _first_counts(changed, first.trajectory)
-            continue
-        structure = found
-        residual = arc_residuals(problem, start)
-        coarse = residual > TOLERANCE
-        if not coarse.any():
-            return _judged(first, solved)
-        if np.all(np.array(counts)[coarse] >= _MOST_NODES):
-            return Refinement(
-                None, f"the residual stays at {residual.max():.1e} with {_MOST_NODES} nodes an arc"
-            )
-        counts = [
-            min(_MOST_NODES, int(np.ceil(count * _MORE_NODES))) if more else count
-            for count, more in zip(counts, coarse, strict=True)
-        ]
-    return Refinement(None, f"no structure was settled on after {_ROUNDS} rounds")
+        return self.session.solve(transcription, f"switching {round_ + 1}", (0.5, 1.0), warm=True)
+
+    def _keep(self, found: Refined) -> None:
+        """Keep the better one: of one pattern that of smaller error, else that of the smaller objective."""
+        best = self.best
+        if best is None or (
+            found.error < best.error
+            if found.structure.pattern == best.structure.pattern
+            else found.solved.objective < best.solved.objective
+        ):
+            self.best = found
 
 
-def arc_residuals(problem: OptimalControlProblem, trajectory: Trajectory) -> Vector:
-    """For each segment the largest residual of the dynamics between nodes, times the segment's length.
+def _next_structure(
+    problem: OptimalControlProblem, solved: Solved, structure: Structure, threshold: float
+) -> tuple[float, Structure | None]:
+    """The largest wrong sign, relative, and what the structure becomes; None where it may stay.
 
-    Relative to each state's scale: about the error of the states at the end of the segment.
+    Signs that are wrong by less than ``threshold`` are right. While arcs vanish nothing is said of signs.
     """
-    breaks, counts = np.array(trajectory.basis["breaks"]), trajectory.basis["nodes"]
-    scale = np.maximum(1e-6, np.abs(trajectory.states_at(trajectory.nodes)).max(axis=1))
-    residuals = []
-    for start, stop, count in zip(breaks[:-1], breaks[1:], counts, strict=True):
-        tau = start + (stop - start) * (np.arange(2 * count) + 0.5) / (2 * count)
-        gap = trajectory.rates_at(tau) - problem.rates_at(trajectory, tau)
-        residuals.append(float(np.max(np.abs(gap) / scale[:, None]) * (stop - start) * trajectory.duration))
-    return np.array(residuals)
+    reduced = structure.without_empty_arcs()
+    if reduced.arcs < structure.arcs:
+        return np.inf, reduced
+    program, trajectory = solved.transcription, solved.trajectory
+    assert isinstance(program, MultiArc)
+    tau = program.gauss_tau(trajectory)
+    controls = trajectory.controls_at(tau)
+    functions = program.switching_functions(trajectory, solved.outcome.bound_multipliers)
+    largest, changes, cut = 0.0, dict[str, list[Pieces | None]](), False
+    for index, (name, levels) in enumerate(structure.pinned.items()):
+        bounds = problem.control_bounds[index]
+        strength = functions[index] / max(float(np.abs(functions[index]).max()), np.finfo(float).tiny)
+        changes[name] = []
+        for arc, level in enumerate(levels):
+            here = program.arc_of_node == arc
+            if np.isnan(level):
+                wanted = _rests(controls[index, here], bounds)
+            else:
+                wrong = strength[here] * (1.0 if level == bounds[1] else -1.0)
+                largest = max(largest, float(wrong.max()))
+                other = bounds[0] + bounds[1] - level
+                wanted = np.where(wrong > threshold, other if np.isfinite(other) else np.nan, level)
+            pieces = _pieces(tau[here], wanted)
+            stays = pieces.levels.size == 1 and np.array_equal(pieces.levels, [level], equal_nan=True)
+            changes[name].append(None if stays else pieces)
+            cut |= not stays
+    return largest, structure.changed(problem, changes) if cut else None
 
 
-def _first_counts(structure: Structure, trajectory: Trajectory) -> list[int]:
-    """Nodes for each arc, from how many the mesh of the first answer spent there."""
-    spent, _ = np.histogram(trajectory.nodes, structure.breaks)
-    return [int(count) for count in np.clip(np.ceil(_NODES_SHARE * spent), _FEWEST_NODES, _MOST_NODES)]
+def _pieces(tau: Vector, wanted: Vector) -> Pieces:
+    """A level for each node, as pieces that meet midway between nodes."""
+    same = (wanted[1:] == wanted[:-1]) | (np.isnan(wanted[1:]) & np.isnan(wanted[:-1]))
+    last = np.flatnonzero(~same)
+    return Pieces(0.5 * (tau[last] + tau[last + 1]), wanted[np.concatenate([[0], last + 1])])
 
 
-def _cut_wrong_signs(problem: OptimalControlProblem, solved: Solved, structure: Structure) -> Structure:
-    """Cut the first arc on which a switching function has the wrong sign, where it changes it."""
-    costates = solved.transcription.costates(solved.trajectory, solved.outcome.row_multipliers)
-    tau, functions = solved.trajectory.nodes, switching_functions(problem, solved.trajectory, costates)
-    for index, (name, pinned) in enumerate(structure.pinned.items()):
-        values = functions[index]
-        limit = _WRONG_SIGN * np.max(np.abs(values))
-        lower, upper = problem.control_bounds[index]
-        for arc, level in enumerate(pinned):
-            here = np.flatnonzero((tau >= structure.breaks[arc]) & (tau <= structure.breaks[arc + 1]))[1:-1]
-            sign = 1.0 if level == upper else -1.0
-            wrong = sign * values[here] > limit
-            if np.isnan(level) or not wrong.any():
-                continue
-            edges = np.flatnonzero(wrong[1:] != wrong[:-1])
-            instants = (tau[here][edges] + tau[here][edges + 1]) / 2.0
-            first = lower + upper - level if wrong[0] else level
-            levels = np.where(np.arange(edges.size + 1) % 2 == 0, first, lower + upper - first)
-            return structure.split(name, arc, instants, levels)
-    return structure
-
-
-def _judged(first: Solved, refined: Solved) -> Refinement:
-    worse = refined.objective - first.objective
-    if worse > _WORSE * max(abs(first.objective), 1e-6):
-        return Refinement(None, f"the objective would get worse by {worse:.1e}")
-    return Refinement(refined)
+def _rests(values: Vector, bounds: Interval) -> Vector:
+    """Where a free control rests on a bound for some nodes in a row, that bound; NaN elsewhere."""
+    width = bounds[1] - bounds[0]
+    margin = _RESTS * (width if np.isfinite(width) else max(float(np.ptp(values)), 1e-6))
+    wanted = np.full(values.size, np.nan)
+    for bound in bounds:
+        near = np.flatnonzero(np.abs(values - bound) <= margin)
+        for run in np.split(near, np.flatnonzero(np.diff(near) > 1) + 1):
+            if run.size >= _SHORTEST_REST:
+                wanted[run] = bound
+    return wanted

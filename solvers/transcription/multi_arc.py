@@ -1,102 +1,254 @@
 """Multi-arc Gauss collocation: the instants between arcs are unknowns, controls rest on bounds along arcs.
 
-Decision vector: the states and controls of the Gauss pseudospectral method with the arcs as its segments, and
+Decision vector: the states and controls of the Gauss pseudospectral method, each arc made of one or more of
+its segments, and
 
     s_1 ... s_(S-1) | t0 | tf        (s: the instants between the S arcs)
 
-A node counts its time over its own arc; on an arc where a control is pinned to a bound its nodes are fixed,
-so that the control switches exactly at s and is exactly on its bound in between.
+A node counts its time over its own arc, of which every segment is a fixed part. On an arc where a control is
+pinned to a bound its nodes are fixed, so that the control switches exactly at s and is exactly on its bound
+in between. On an arc that follows a limit S(x, t) = 0 of order q the program holds S^(q) = 0 at the nodes and
+S = ... = S^(q-1) = 0 where the arc begins: with the index of the equations reduced beforehand the rows are
+independent, and the limit decides a control at every node. Where a limit is only touched, S = S' = 0.
 
 Source: Betts, Practical Methods for Optimal Control, SIAM 2010, 3.7 (phases); Maurer, Buskens, Kim, Kaya,
 "Optimization methods for the verification of second order sufficient conditions for bang-bang controls",
-Optim. Control Appl. Meth. 26, 2005.
+Optim. Control Appl. Meth. 26, 2005; Bryson, Denham, Dreyfus, AIAA Journal 1(11), 1963 (limits).
 """
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Mapping
+from collections.abc import Hashable, Mapping, Sequence
 from dataclasses import dataclass
-from itertools import pairwise
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
 
-from solvers.transcription.base import Instants
+from solvers.limits import Limit
+from solvers.trajectory import Trajectory
+from solvers.transcription.base import Instants, NodeSymbols
 from solvers.transcription.builder import fixed
 from solvers.transcription.gauss_pseudospectral import GaussPseudospectral
+from solvers.transcription.limit_rates import LimitRates
 
 Vector = NDArray[np.float64]
 
 # An arc may shrink to nothing while the optimizer looks for the structure, but never run backwards.
 _SHORTEST_ARC = 0.0
+# Where a limit is touched no more than its value and its rate are known.
+_TOUCHED = 2
+
+
+@dataclass(frozen=True)
+class Follow:
+    """A limit with its rates, the arcs that follow it, and the arcs that start where it is touched.
+
+    On each of the arcs one of the controls that decide must be free. ``idle``: arcs where all are pinned so
+    that the limit is followed by itself; its bounds say nothing there and would have no definite multipliers.
+    """
+
+    limit: Limit
+    rates: LimitRates
+    arcs: tuple[int, ...]
+    touched: tuple[int, ...] = ()
+    idle: tuple[int, ...] = ()
 
 
 @dataclass
 class MultiArc(GaussPseudospectral):
-    """Gauss collocation on arcs that start at the normalised instants ``breaks``, which are free.
+    """Gauss collocation on segments between ``breaks``; the breaks where a new arc begins are free.
 
-    ``pinned``: for each control, by arc, the value it rests on; NaN where it is free.
+    ``parts``: for each arc the ends of its segments as parts of it, from 0 to 1; ``pinned``: for each
+    control, by arc, the value it rests on, NaN where it is free; ``follows``: limits and their arcs.
     """
 
+    parts: tuple[tuple[float, ...], ...]
     pinned: Mapping[str, Vector]
+    follows: tuple[Follow, ...] = ()
 
     @property
     def widths(self) -> Vector:
-        """Every node counts over its own arc."""
-        return np.ones(len(self.counts))
+        """The part of its arc that each segment takes."""
+        return np.concatenate([np.diff(part) for part in self.parts])
 
     @property
     def mesh(self) -> Hashable:
-        """Numbers of nodes; where the arcs start is for the optimizer to find."""
-        return self.counts
+        """Arcs and their nodes; where they start is for the optimizer to find."""
+        pinned = tuple(tuple(np.isnan(levels)) for levels in self.pinned.values())
+        followed = tuple(
+            (item.limit.pointer, item.limit.upper, item.arcs, item.touched, item.idle)
+            for item in self.follows
+        )
+        return self.parts, self.counts, followed and (pinned, followed)
+
+    @cached_property
+    def arc_of_segment(self) -> NDArray[np.intp]:
+        """For each segment the index of its arc."""
+        return np.repeat(np.arange(len(self.parts)), [len(part) - 1 for part in self.parts])
+
+    @cached_property
+    def arc_of_node(self) -> NDArray[np.intp]:
+        """For each Gauss node the index of its arc."""
+        return np.repeat(self.arc_of_segment, self.counts)
+
+    @property
+    def edges(self) -> Vector:
+        """Where the arcs start, normalised, at the start of the solve."""
+        return self.breaks[self._first_segments[:-1]]
 
     def allocate(self) -> None:
         """See :class:`Transcription`."""
         super().allocate()
         self.builder.unknowns(
             "instants",
-            (len(self.counts) - 1, 1),
+            (len(self.parts) - 1, 1),
             scale=self.scaling.time,
-            initial=lambda this: (this.start.t0 + (this.start.tf - this.start.t0) * this.breaks[1:-1])[
-                :, None
-            ],
+            initial=lambda this: (this.start.t0 + (this.start.tf - this.start.t0) * this.edges[1:])[:, None],
             bounds=fixed(-np.inf, np.inf),
         )
 
     def control_bounds(self) -> tuple[Vector, Vector]:
         """The bounds of the document, or the pinned value twice."""
         lower, upper = super().control_bounds()
-        rows = [np.repeat(self.pinned[name], self.counts) for name in self.problem.controls]
+        rows = [self.pinned[name][self.arc_of_node] for name in self.problem.controls]
         pinned = np.array(rows).reshape(-1, self.node_tau.size)
         free = np.isnan(pinned)
         return np.where(free, lower, pinned), np.where(free, upper, pinned)
 
+    def state_bounds(self, index: int, count: int) -> tuple[Vector, Vector]:
+        """The bounds of the document, inside left out where the trajectory is held on them by equations."""
+        sides = super().state_bounds(index, count)
+        for item in self.follows:
+            if item.limit.state == index:
+                held = np.zeros(count, bool)
+                for arc in (*item.arcs, *item.idle):
+                    held[self._points[arc] : self._points[arc + 1] + 1] = True
+                held[self._points[list(item.touched)]] = True
+                held[[0, -1]] = False  # there the end conditions hold
+                sides[item.limit.upper][held] = np.inf if item.limit.upper else -np.inf
+        return sides
+
+    def path_bounds(self, count: int) -> tuple[Vector, Vector]:
+        """The bounds of the document, left out where the trajectory is held on them by equations."""
+        sides = super().path_bounds(count)
+        for item in self.follows:
+            if item.limit.path is not None:
+                side = sides[item.limit.upper].reshape(count, -1)
+                side[np.isin(self.arc_of_node, (*item.arcs, *item.idle)), item.limit.path] = (
+                    np.inf if item.limit.upper else -np.inf
+                )
+        return sides
+
     def path_instants(self) -> Instants:
         """The Gauss nodes, each with the span of its arc."""
         plain = super().path_instants()
-        rows = sparse.csr_array(sparse.vstack(self._edges(), format="csr"))
-        arc = np.repeat(np.arange(len(self.counts)), self.counts)
-        local = np.concatenate([(points + 1.0) / 2.0 for points, _ in self._rules])
-        return Instants(local, plain.states, plain.controls, (rows[arc], rows[arc + 1]))
+        rows, arc = self._edge_rows(), self.arc_of_node
+        starts = np.concatenate([part[:-1] for part in self.parts])
+        local = [
+            start + width * (points + 1.0) / 2.0
+            for start, width, (points, _) in zip(starts, self.widths, self._rules, strict=True)
+        ]
+        return Instants(np.concatenate(local), plain.states, plain.controls, (rows[arc], rows[arc + 1]))
 
     def constrain_dynamics(self) -> None:
-        """The defects of every arc, and the order of the arcs in time."""
+        """The defects of every arc, the order of the arcs in time, and what follows limits."""
         super().constrain_dynamics()
-        durations = [after - before for before, after in pairwise(self._edges())]
-        self.builder.constrain(
-            fixed(_SHORTEST_ARC, np.inf),
-            scale=self.scaling.time,
-            linear=sparse.csr_array(sparse.vstack(durations, format="csr")),
-        )
+        rows = self._edge_rows()
+        durations = sparse.csr_array(rows[1:] - rows[:-1])
+        self.builder.constrain(fixed(_SHORTEST_ARC, np.inf), scale=self.scaling.time, linear=durations)
+        for index, item in enumerate(self.follows):
+            self._follow(index, item)
+
+    def edges_of(self, trajectory: Trajectory) -> Vector:
+        """The normalised ends of the arcs of a solution."""
+        return np.array(trajectory.basis["breaks"])[self._first_segments]
+
+    def gauss_tau(self, trajectory: Trajectory) -> Vector:
+        """The Gauss nodes of a solution."""
+        return np.delete(trajectory.nodes, self._starts)
+
+    def by_segment(self, values: Vector) -> Vector:
+        """For each segment the largest of values that belong to the gaps between its nodes and ends."""
+        return np.asarray(np.maximum.reduceat(values, self._starts[:-1]), np.float64)
+
+    def switching_functions(self, trajectory: Trajectory, bound_multipliers: Vector) -> Vector:
+        """dH/du at the Gauss nodes, (m, K), from the (scaled) multipliers of the bounds of the unknowns.
+
+        A change d of u_j at node k changes the optimum by w_k (tb - ta) (dH/du_j) d, which is what the bound
+        of that node, or its pin, resists. So the terms of limits that are followed are in it too.
+        """
+        multipliers = -bound_multipliers / self.builder.scale * self.scaling.objective
+        shares = [width / 2.0 * rule[1] for width, rule in zip(self.widths, self._rules, strict=True)]
+        lengths = trajectory.duration * np.diff(self.edges_of(trajectory))
+        weights = np.concatenate(shares) * lengths[self.arc_of_node]
+        blocks = self.builder.blocks["controls"]
+        return np.array([multipliers[block.start : block.stop] / weights for block in blocks])
 
     def read_breaks(self, unknowns: Vector) -> tuple[Vector, tuple[float, float]]:
         """The normalised breaks and (t0, tf) of a solution."""
         _, (t0, tf) = super().read_breaks(unknowns)
         inner = [(float(unknowns[block.start]) - t0) / (tf - t0) for block in self.builder.blocks["instants"]]
-        return np.array([0.0, *inner, 1.0]), (t0, tf)
+        edges = np.array([0.0, *inner, 1.0])
+        starts = np.concatenate([part[:-1] for part in self.parts])
+        arc = self.arc_of_segment
+        return np.append(edges[arc] + starts * np.diff(edges)[arc], 1.0), (t0, tf)
 
-    def _edges(self) -> list[sparse.csr_array]:
-        """Rows of the ends of the arcs, in order."""
+    def _follow(self, index: int, item: Follow) -> None:
+        """Hold S^(q) at the nodes of the arcs, and S ... S^(q-1) where the trajectory meets the limit."""
+        order = item.rates.order
+        nodes = np.flatnonzero(np.isin(self.arc_of_node, item.arcs))
+        self._hold(index, [order], _some(self.path_instants(), nodes))
+        entries = [arc for arc in item.arcs if arc > 0 and arc - 1 not in item.arcs]
+        self._hold(index, range(order), self._at_starts(entries))
+        self._hold(index, range(min(order, _TOUCHED)), self._at_starts(item.touched))
+
+    def _hold(self, index: int, orders: Sequence[int], instants: Instants) -> None:
+        """Hold derivatives of a limit: the first of order 0 on the level, all others at zero."""
+        if not instants.tau.size or not orders:
+            return
+        symbols = NodeSymbols(self.problem)
+        values = self.follows[index].rates.at(symbols, orders)
+        places = self.apply(symbols.function("limit", values), instants)
+
+        def level(this: MultiArc) -> tuple[Vector, Vector]:
+            values = [this.follows[index].limit.level if order == 0 else 0.0 for order in orders]
+            both = np.tile(values, instants.tau.size)
+            return both, both
+
+        self.builder.constrain(level, scale=1.0, places=places)
+
+    @cached_property
+    def _first_segments(self) -> NDArray[np.intp]:
+        """The first segment of every arc, and the number of segments."""
+        return np.concatenate([[0], np.cumsum([len(part) - 1 for part in self.parts])])
+
+    @property
+    def _points(self) -> NDArray[np.intp]:
+        """Among the points where states stand, the start of every arc and the end of the last."""
+        return self._starts[self._first_segments]
+
+    def _at_starts(self, arcs: Sequence[int]) -> Instants:
+        """The instants at which these arcs start, with the controls of their first nodes."""
+        first_nodes = np.concatenate([[0], np.cumsum(self.counts)])[self._first_segments[list(arcs)]]
+        nodes = _some(self.path_instants(), first_nodes)
+        states = [rows[self._points[list(arcs)]] for rows in self.nodes().states]
+        return Instants(np.zeros(len(arcs)), states, nodes.controls, nodes.span)
+
+    def _edge_rows(self) -> sparse.csr_array:
+        """Rows of the S + 1 ends of the arcs."""
         first, last = self.builder.blocks["times"]
-        return [self.builder.rows_of(edge) for edge in (first, *self.builder.blocks["instants"], last)]
+        edges = [self.builder.rows_of(edge) for edge in (first, *self.builder.blocks["instants"], last)]
+        return sparse.csr_array(sparse.vstack(edges, format="csr"))
+
+
+def _some(instants: Instants, index: NDArray[np.intp]) -> Instants:
+    assert instants.span is not None
+    start, stop = instants.span
+    return Instants(
+        instants.tau[index],
+        [rows[index] for rows in instants.states],
+        [rows[index] for rows in instants.controls],
+        (start[index], stop[index]),
+    )

@@ -1,0 +1,104 @@
+"""Reads the structure off an answer on any mesh."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from solvers.certificate import switching_functions
+from solvers.limits import Limit, limits_of
+from solvers.problem import OptimalControlProblem
+from solvers.refine.structure import SHORTEST_ARC, Pieces, Structure, distinct, present
+from solvers.switching import SHORTEST_INTERIOR, control_arcs, inside, switch_instants
+from solvers.trajectory import Trajectory
+from solvers.transcription.limit_rates import limit_rates
+
+Vector = NDArray[np.float64]
+
+# A limit is active at a sample within this part of the quantity's own range. A stretch may leave it by _NEAR
+# in between, where a mesh follows it loosely, and miss _GAP samples; one of fewer samples is a touch.
+_ACTIVE = 1e-5
+_NEAR = 1e-3
+_GAP = 3
+_SHORTEST_STRETCH = 4
+
+
+def find_structure(
+    problem: OptimalControlProblem, trajectory: Trajectory, costates: Callable[[], Vector]
+) -> Structure:
+    """Read arcs off an answer: from its controls, from their switching functions, from limits that it meets.
+
+    ``costates`` gives those of the answer; they are asked for only where a control is inside its bounds.
+    """
+    controls = _control_pieces(problem, trajectory, costates)
+    stretches = _stretches(problem, trajectory)
+    instants = [item.instants for item in controls.values()] + [item.ravel() for item in stretches.values()]
+    edges = distinct(np.concatenate([np.zeros(0), *instants]))
+    middles = (edges[1:] + edges[:-1]) / 2.0
+    rates = {limit: found for limit in stretches if (found := limit_rates(problem, limit)) is not None}
+    followed, touched = {}, {}
+    for limit, item in rates.items():
+        start, stop = stretches[limit][:, :1], stretches[limit][:, 1:]
+        followed[limit] = np.any((start < middles) & (middles < stop), axis=0)
+        if item.order:
+            met = (start == stop) & (np.abs(start - edges[:-1]) <= SHORTEST_ARC)
+            touched[limit] = np.any(met, axis=0) & (np.arange(middles.size) > 0)
+    pinned = {name: pieces.at(edges) for name, pieces in controls.items()}
+    return Structure(edges, pinned, present(followed), present(touched), rates).decided(problem)
+
+
+def _control_pieces(
+    problem: OptimalControlProblem, trajectory: Trajectory, costates: Callable[[], Vector]
+) -> dict[str, Pieces]:
+    """Where each control rests on which bound."""
+    tau, strengths, found = trajectory.nodes, None, {}
+    for index, (name, bounds) in enumerate(zip(problem.controls, problem.control_bounds, strict=True)):
+        values = trajectory.controls[name](tau)
+        arcs = control_arcs(values, bounds)
+        if len(arcs) > 1 and inside(values, bounds).sum() >= SHORTEST_INTERIOR:
+            if strengths is None:
+                strengths = _strengths(switching_functions(problem, trajectory, costates()))
+            arcs = control_arcs(values, bounds, strengths[index])
+        levels = [arc.level(bounds) for arc in arcs]
+        found[name] = Pieces(
+            switch_instants(tau, values, bounds, arcs),
+            np.array([np.nan if level is None else level for level in levels]),
+        )
+    return found
+
+
+def _stretches(problem: OptimalControlProblem, trajectory: Trajectory) -> dict[Limit, Vector]:
+    """The active stretches of every limit that has any."""
+    found = {limit: active_stretches(problem, trajectory, limit) for limit in limits_of(problem)}
+    return {limit: stretches for limit, stretches in found.items() if stretches.size}
+
+
+def active_stretches(problem: OptimalControlProblem, trajectory: Trajectory, limit: Limit) -> Vector:
+    """Where a limit is active: start and end of every stretch, normalised, (stretches, 2); equal for a touch.
+
+    An end condition that holds the trajectory on the limit is no stretch of its own.
+    """
+    tau = trajectory.breakpoints if limit.path is None else trajectory.nodes
+    room = limit.room(problem, trajectory, tau)
+    own_range = max(float(np.ptp(room)), 1e-9)
+    near = np.flatnonzero(room <= _NEAR * own_range)
+    found = []
+    for run in np.split(near, np.flatnonzero(np.diff(near) > _GAP) + 1):
+        active = run[room[run] <= _ACTIVE * own_range]
+        if not active.size:
+            continue
+        if active[-1] - active[0] + 1 >= _SHORTEST_STRETCH:
+            found.append((tau[active[0]], tau[active[-1]]))
+        elif active[0] > 0 and active[-1] < tau.size - 1:
+            deepest = tau[active[np.argmin(room[active])]]
+            found.append((deepest, deepest))
+    return np.array(found).reshape(-1, 2)
+
+
+def _strengths(functions: Vector) -> Vector:
+    """Magnitudes relative to the largest of each row."""
+    magnitude = np.abs(functions)
+    largest = magnitude.max(axis=1, keepdims=True)
+    return np.asarray(magnitude / np.maximum(largest, np.finfo(float).tiny), np.float64)
