@@ -26,7 +26,8 @@ Vector = NDArray[np.float64]
 INTEGRATOR = "DOP853"
 RTOL = 1e-12
 _SMALLEST_RTOL = 2.5e-14
-_INSIDE = np.array([0.25, 0.5, 0.75, 1.0])
+INSIDE = np.array([0.25, 0.5, 0.75, 1.0])
+"""Where on an arc states are compared: parts of its length."""
 _NEWTON_STEPS = 12
 _NEWTON_DONE = 1e-7
 _SAMPLES_PER_ARC = 16
@@ -40,7 +41,7 @@ class FlightError(OndeletteError):
 
 @dataclass(frozen=True)
 class Arcs:
-    """What K arcs give: ``ends`` (n, K), ``inside`` (n, K, 4) at s = 1/4, 1/2, 3/4, 1, ``costs`` (K,)."""
+    """What K arcs give: ``ends`` (n, K), ``inside`` (n, K, 4) at ``INSIDE``, ``costs`` (K,)."""
 
     ends: Vector
     inside: Vector
@@ -105,13 +106,13 @@ class ControlledModel:
             (0.0, 1.0),
             start.ravel(),
             method="DOP853",
-            t_eval=_INSIDE,
+            t_eval=INSIDE,
             rtol=max(RTOL / np.sqrt(count), _SMALLEST_RTOL),
             atol=np.repeat(np.append(self._scale, 1.0) * RTOL / 10.0, count),
         )
         if not solution.success:
             raise FlightError(f"the integration stopped: {solution.message}")
-        values = solution.y.reshape(n + 1, count, _INSIDE.size)
+        values = solution.y.reshape(n + 1, count, INSIDE.size)
         if not np.isfinite(values).all():
             raise FlightError("the state is no longer finite")
         return Arcs(values[:n, :, -1], values[:n], values[n, :, -1])

@@ -7,14 +7,14 @@ magnitude on the trajectory (at least 1e-6).
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from solvers.backends import NUMPY
-from solvers.flight import INTEGRATOR, RTOL, ControlledModel, FlightError
+from solvers.flight import INSIDE, INTEGRATOR, RTOL, ControlledModel, FlightError
 from solvers.problem import Constraint, OptimalControlProblem
 from solvers.trajectory import Trajectory
 
@@ -113,6 +113,26 @@ class Verification:
         }
 
 
+@dataclass(frozen=True)
+class _Evidence:
+    """What flying showed; None where it was not computed.
+
+    ``ends``: the final state as flown, or as promised where the flight says nothing.
+    """
+
+    arc_errors: Vector | None = None
+    ends: Vector | None = None
+    misses: Vector | None = None
+    running_cost: float | None = None
+    growth: float | None = None
+    note: str = ""
+
+    @property
+    def flight_counts(self) -> bool:
+        """Whether the end of the whole flight is to be judged, be it computed or not."""
+        return self.growth is None or self.growth <= MEANINGFUL_GROWTH
+
+
 def verify(
     problem: OptimalControlProblem, trajectory: Trajectory, tolerances: Tolerances, deadline: float
 ) -> Verification:
@@ -122,75 +142,78 @@ def verify(
     """
     tau = dense(trajectory.breakpoints)
     states, controls = trajectory.states_at(tau), trajectory.controls_at(tau)
-    state_scale = np.maximum(SMALLEST_SCALE, np.abs(states).max(axis=1))
-    model = ControlledModel(problem, trajectory, state_scale, deadline)
-    arc_errors = ends = objective = growth = None
-    note, flown = "", False
-    promised = trajectory.states_at(model.breakpoints)
-    try:
-        slopes, arcs = model.linearised(promised[:, :-1])
-        arc_errors = np.abs(arcs.inside - _inside(trajectory, model.breakpoints))
-        ends, objective = promised[:, -1], float(arcs.costs.sum())
-        growth = model.growth(slopes)
-        if growth <= MEANINGFUL_GROWTH:
-            flight = model.fly(promised, slopes, arcs)
-            ends, objective, flown = flight.states[:, -1], flight.cost, True
-    except FlightError as error:
-        note = f"The whole flight was not computed: {error}."
-    meaningful = growth is None or growth <= MEANINGFUL_GROWTH
-    if not meaningful:
-        note = (
-            f"Small errors grow {growth:.1e} times over the whole flight, so that its end says nothing; "
-            "success rests on the error from breakpoint to breakpoint."
-        )
-    misses = _misses(problem, promised[:, -1], ends) if flown and ends is not None else None
-    bound_violation = max(
-        _violation(states, np.array(problem.state_bounds), state_scale),
-        _violation(
-            controls, model.bounds, np.maximum(SMALLEST_SCALE, np.abs(controls).max(axis=1, initial=0.0))
-        ),
+    scale = _scale(states)
+    model = ControlledModel(problem, trajectory, scale, deadline)
+    evidence = _fly(problem, trajectory, model)
+    terminal_error, state_error = (
+        _scaled_maximum(errors, scale) for errors in (evidence.misses, evidence.arc_errors)
+    )
+    bounds = max(
+        _scaled_violation(states, np.array(problem.state_bounds), scale),
+        _scaled_violation(controls, model.bounds, _scale(controls)),
     )
     scope = problem.scope(states, model.clipped(tau), trajectory.time(tau), problem.parameters)
-    path_violation = _largest_violation(problem.path, scope)
-    end_scope = _ends_scope(
-        problem, trajectory, model, promised[:, 0], promised[:, -1] if ends is None else ends
+    path = _largest_violation(problem.path, scope)
+    ends_scope = _ends_scope(problem, trajectory, model, evidence)
+    start = trajectory.states_at(np.zeros(1))
+    ends = max(
+        _scaled_violation(start, np.array(problem.initial_state), scale),
+        _largest_violation(problem.boundary, ends_scope),
     )
-    if objective is not None and problem.terminal_cost is not None:
-        objective += float(problem.terminal_cost.evaluate(end_scope, NUMPY.functions))
     checks = [
-        Check("state_error", _scaled_maximum(arc_errors, state_scale), tolerances.state_error),
-        Check("bound", bound_violation, tolerances.bound),
-        Check("path", path_violation, tolerances.path),
-        Check(
-            "ends",
-            max(
-                _start_violation(problem, promised[:, 0], state_scale),
-                _largest_violation(problem.boundary, end_scope),
-            ),
-            tolerances.terminal_error,
-        ),
+        Check("state_error", state_error, tolerances.state_error),
+        Check("bound", bounds, tolerances.bound),
+        Check("path", path, tolerances.path),
+        Check("ends", ends, tolerances.terminal_error),
     ]
-    if meaningful:
-        checks.insert(
-            0, Check("terminal_error", _scaled_maximum(misses, state_scale), tolerances.terminal_error)
-        )
+    if evidence.flight_counts:
+        checks.insert(0, Check("terminal_error", terminal_error, tolerances.terminal_error))
     return Verification(
-        terminal_error=_scaled_maximum(misses, state_scale),
-        max_state_error=_scaled_maximum(arc_errors, state_scale),
-        max_bound_violation=bound_violation,
-        max_path_violation=path_violation,
-        objective=objective,
-        growth=growth,
+        terminal_error=terminal_error,
+        max_state_error=state_error,
+        max_bound_violation=bounds,
+        max_path_violation=path,
+        objective=_objective(problem, evidence, ends_scope),
+        growth=evidence.growth,
         states={
             name: _state_report(
-                index, arc_errors, misses, trajectory, model.breakpoints, state_scale, tolerances
+                index, evidence, trajectory, model.breakpoints, tolerances.state_error * scale[index]
             )
             for index, name in enumerate(problem.states)
         },
         tolerances=tolerances,
         checks=tuple(checks),
-        note=note,
+        note=evidence.note,
     )
+
+
+def _fly(problem: OptimalControlProblem, trajectory: Trajectory, model: ControlledModel) -> _Evidence:
+    """Fly every arc from its promised start, then, where that says something, the whole way."""
+    evidence = _Evidence()
+    promised = trajectory.states_at(model.breakpoints)
+    try:
+        slopes, arcs = model.linearised(promised[:, :-1])
+        evidence = replace(
+            evidence,
+            arc_errors=np.abs(arcs.inside - _inside(trajectory, model.breakpoints)),
+            ends=promised[:, -1],
+            running_cost=float(arcs.costs.sum()),
+            growth=model.growth(slopes),
+        )
+        if not evidence.flight_counts:
+            note = (
+                f"Small errors grow {evidence.growth:.1e} times over the whole flight, so that its end says "
+                "nothing; success rests on the error from breakpoint to breakpoint."
+            )
+            return replace(evidence, note=note)
+        flight = model.fly(promised, slopes, arcs)
+    except FlightError as error:
+        return replace(evidence, note=f"The whole flight was not computed: {error}.")
+    flown = flight.states[:, -1]
+    # Off the promise, or off the end condition itself.
+    off_target = _outside(flown[:, None], np.array(problem.final_state)).max(axis=1)
+    misses = np.maximum(np.abs(flown - promised[:, -1]), off_target)
+    return replace(evidence, ends=flown, misses=misses, running_cost=flight.cost)
 
 
 def dense(breakpoints: Vector) -> Vector:
@@ -199,60 +222,64 @@ def dense(breakpoints: Vector) -> Vector:
     return np.append((breakpoints[:-1, None] + np.diff(breakpoints)[:, None] * fractions).ravel(), 1.0)
 
 
-def violation(values: Vector, interval: tuple[float, float]) -> Vector:
-    """How far each value lies outside the interval, in its own units; NaN counts as infinitely far."""
-    outside = np.maximum(interval[0] - values, values - interval[1])
+def _scale(values: Vector) -> Vector:
+    """The scale of each row: its largest magnitude, at least a smallest one."""
+    scale: Vector = np.maximum(SMALLEST_SCALE, np.abs(values).max(axis=1, initial=0.0))
+    return scale
+
+
+def _outside(values: Vector, bounds: Vector) -> Vector:
+    """How far each of ``values`` (n, K) lies outside ``bounds`` (n, 2); NaN is infinitely far outside."""
+    outside = np.maximum(bounds[:, :1] - values, values - bounds[:, 1:])
     return np.where(np.isnan(values), np.inf, np.maximum(outside, 0.0))
+
+
+def _scaled_violation(values: Vector, bounds: Vector, scale: Vector) -> float:
+    return float(np.max(_outside(values, bounds.reshape(-1, 2)) / scale[:, None], initial=0.0))
+
+
+def _largest_violation(constraints: Sequence[Constraint], scope: Mapping[str, Any]) -> float:
+    """The largest violation of expressions, each relative to its own scale."""
+    largest = 0.0
+    for constraint in constraints:
+        with np.errstate(all="ignore"):
+            value = constraint.expression.evaluate(scope, NUMPY.functions)
+        values = np.atleast_2d(np.asarray(value, np.float64))
+        scale = np.maximum(SMALLEST_SCALE, np.max(np.abs(values), where=np.isfinite(values), initial=0.0))
+        violation = _scaled_violation(values, np.array([constraint.interval]), np.array([scale]))
+        largest = max(largest, violation)
+    return largest
+
+
+def _ends_scope(
+    problem: OptimalControlProblem, trajectory: Trajectory, model: ControlledModel, evidence: _Evidence
+) -> dict[str, Any]:
+    edges = np.array([0.0, 1.0])
+    controls, states = model.clipped(edges), trajectory.states_at(edges)
+    final = states[:, 1] if evidence.ends is None else evidence.ends
+    return problem.ends_scope(
+        (states[:, 0], controls[:, 0], trajectory.t0),
+        (final, controls[:, 1], trajectory.tf),
+        problem.parameters,
+    )
+
+
+def _objective(
+    problem: OptimalControlProblem, evidence: _Evidence, ends_scope: Mapping[str, Any]
+) -> float | None:
+    """The objective of what was flown."""
+    if evidence.running_cost is None:
+        return None
+    if problem.terminal_cost is None:
+        return evidence.running_cost
+    with np.errstate(all="ignore"):
+        return evidence.running_cost + float(problem.terminal_cost.evaluate(ends_scope, NUMPY.functions))
 
 
 def _inside(trajectory: Trajectory, breakpoints: Vector) -> Vector:
     """The returned states where :class:`Arcs` has its inner points, (n, K, 4)."""
-    fractions = np.array([0.25, 0.5, 0.75, 1.0])
-    tau = breakpoints[:-1, None] + np.diff(breakpoints)[:, None] * fractions
+    tau = breakpoints[:-1, None] + np.diff(breakpoints)[:, None] * INSIDE
     return trajectory.states_at(tau.ravel()).reshape(-1, *tau.shape)
-
-
-def _misses(problem: OptimalControlProblem, promised: Vector, flown: Vector) -> Vector:
-    """For each state, how far the flown end lies from the returned one and from the end condition."""
-    off_target = [float(violation(flown[i], end)) for i, end in enumerate(problem.final_state)]
-    return np.maximum(np.abs(flown - promised), off_target)
-
-
-def _violation(values: Vector, bounds: Vector, scale: Vector) -> float:
-    if values.size == 0:
-        return 0.0
-    outside = np.maximum(bounds[:, :1] - values, values - bounds[:, 1:])
-    return float(max(0.0, np.max(outside / scale[:, None])))
-
-
-def _largest_violation(constraints: Sequence[Constraint], scope: Mapping[str, Any]) -> float:
-    largest = 0.0
-    for constraint in constraints:
-        with np.errstate(all="ignore"):
-            values = np.atleast_1d(
-                np.asarray(constraint.expression.evaluate(scope, NUMPY.functions), np.float64)
-            )
-        scale = max(SMALLEST_SCALE, float(np.max(np.abs(values))))
-        largest = max(largest, float(np.max(violation(values, constraint.interval))) / scale)
-    return largest
-
-
-def _start_violation(problem: OptimalControlProblem, start: Vector, scale: Vector) -> float:
-    outside = [float(violation(start[i], interval)) for i, interval in enumerate(problem.initial_state)]
-    return float(np.max(np.array(outside) / scale))
-
-
-def _ends_scope(
-    problem: OptimalControlProblem,
-    trajectory: Trajectory,
-    model: ControlledModel,
-    start: Vector,
-    stop: Vector,
-) -> dict[str, Any]:
-    controls = model.clipped(np.array([0.0, 1.0]))
-    return problem.ends_scope(
-        (start, controls[:, 0], trajectory.t0), (stop, controls[:, 1], trajectory.tf), problem.parameters
-    )
 
 
 def _scaled_maximum(errors: Vector | None, scale: Vector) -> float | None:
@@ -262,20 +289,14 @@ def _scaled_maximum(errors: Vector | None, scale: Vector) -> float | None:
 
 
 def _state_report(
-    index: int,
-    arc_errors: Vector | None,
-    misses: Vector | None,
-    trajectory: Trajectory,
-    breakpoints: Vector,
-    scale: Vector,
-    tolerances: Tolerances,
+    index: int, evidence: _Evidence, trajectory: Trajectory, breakpoints: Vector, tolerance: float
 ) -> StateReport:
     largest = at = None
-    if arc_errors is not None:
-        arc, point = np.unravel_index(int(np.argmax(arc_errors[index])), arc_errors[index].shape)
-        largest = float(arc_errors[index, arc, point])
-        fraction = (0.25, 0.5, 0.75, 1.0)[int(point)]
-        tau = breakpoints[arc] + fraction * (breakpoints[arc + 1] - breakpoints[arc])
-        at = float(trajectory.time(np.array([tau]))[0])
-    terminal = None if misses is None else float(misses[index])
-    return StateReport(terminal, largest, at, float(tolerances.state_error * scale[index]))
+    if evidence.arc_errors is not None:
+        errors = evidence.arc_errors[index]
+        arc, point = np.unravel_index(int(np.argmax(errors)), errors.shape)
+        largest = float(errors[arc, point])
+        tau = breakpoints[arc] + INSIDE[point] * (breakpoints[arc + 1] - breakpoints[arc])
+        at = trajectory.t0 + trajectory.duration * float(tau)
+    terminal = None if evidence.misses is None else float(evidence.misses[index])
+    return StateReport(terminal, largest, at, float(tolerance))

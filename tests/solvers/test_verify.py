@@ -145,3 +145,9 @@ def test_out_of_time_is_a_failed_check_and_not_a_zero(problem: OptimalControlPro
     assert verification.max_state_error is None
     assert {"terminal_error", "state_error"} <= failed(verification)
     assert "time" in verification.note
+
+
+def test_a_constraint_without_a_value_is_not_a_constraint_that_holds(rigid_body: dict[str, Any]) -> None:
+    rigid_body["problem"]["path_constraints"] = [{"expression": "sqrt(x - 0.5)", "bounds": [None, 5]}]
+    problem = OptimalControlProblem.from_spec(check_document(rigid_body).problem)
+    assert failed(checked(problem, rest_to_rest(problem))) == {"path"}
