@@ -42,7 +42,8 @@ _SENTENCES = {
     ),
     SolveStatus.UNVERIFIED: (
         "The nonlinear program converged, but the re-integrated answer is outside the verification "
-        "tolerance. Use more nodes, or a method whose control stays within its bounds between nodes (swcm)."
+        "tolerance. Use more nodes, a method whose control stays within its bounds between nodes (swcm), or "
+        "method.refine: switching where controls jump between their bounds."
     ),
     SolveStatus.CANCELLED: "The solve was cancelled; this is the last iterate.",
     SolveStatus.EVALUATION_ERROR: "An expression of the model has no finite value where it was needed.",

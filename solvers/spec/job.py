@@ -73,7 +73,7 @@ class TagList(Check):
 
 
 class Verification(SpecModel):
-    """Tolerances of the verification, relative to each quantity's scale; null is the method's own, 1e-2."""
+    """Tolerances of the verification, relative to each quantity's scale; null is the method's own."""
 
     terminal_error: Tolerance = None
     """Miss of the final state after the whole flight."""

@@ -2,27 +2,64 @@
 
 from __future__ import annotations
 
-from typing import Annotated, ClassVar, Literal, Self
+from typing import Annotated, Any, ClassVar, Literal, Self
 
 from pydantic import model_validator
 
+from solvers.expressions import quoted
 from solvers.spec.base import SpecModel
-from solvers.spec.faults import refuse
-from solvers.spec.fields import Count, Real, Unsupported
+from solvers.spec.faults import kind_of, refuse
+from solvers.spec.fields import Check, Count, Real, Unsupported
+from solvers.spec.scope import Scope
 
 MAX_NODES = 65_539
 MAX_GAUSS_NODES = 8_192
 
+MESH_TOLERANCE = 1e-2
+"""Verification tolerance of a mesh that is given, relative to each quantity's scale."""
+
+REFINED_TOLERANCE = 1e-6
+"""Verification tolerance of an answer that is refined."""
+
+
+class RefineCheck(Check):
+    """How an answer is refined: ``switching``, or not at all."""
+
+    def check(self, value: Any, scope: Scope) -> str | None:
+        """Return the word."""
+        if value is None:
+            return None
+        if value == "switching":
+            return "switching"
+        if not isinstance(value, str):
+            raise refuse(f"must be 'switching' or null, not {kind_of(value)}")
+        hint = scope.suggest(value, ["switching"])
+        raise refuse(f"must be 'switching' or null, not {quoted(value)}{hint}")
+
+    def schema(self) -> dict[str, Any]:
+        """One word, or null."""
+        return {"enum": ["switching", None]}
+
+
 Adaptive = Annotated[None, Unsupported("adaptive meshes are")]
-Refine = Annotated[None, Unsupported("switching refinement is")]
+Refine = Annotated[Literal["switching"] | None, RefineCheck()]
 
 
 class MethodModel(SpecModel):
     """What all methods have in common."""
 
     title: ClassVar[str]
-    verification_tolerance: ClassVar[float] = 1e-2
-    """Verification tolerance unless a document gives one, relative to each quantity's scale."""
+
+    @property
+    def verification_tolerance(self) -> float:
+        """Verification tolerance unless a document gives one, relative to each quantity's scale."""
+        return MESH_TOLERANCE if self.refinement is None else REFINED_TOLERANCE
+
+    @property
+    def refinement(self) -> str | None:
+        """How the answer is refined; None for methods that do not know how."""
+        word: str | None = getattr(self, "refine", None)
+        return word
 
 
 class AutoMethod(MethodModel):
@@ -50,7 +87,7 @@ class SplineWaveletMethod(MethodModel):
     adaptive: Adaptive = None
     """Adaptive refinement; not in this version."""
     refine: Refine = None
-    """Refinement of switching times; not in this version."""
+    """Whether to refine the answer to its true arcs, with the switching times as unknowns."""
 
     @property
     def points(self) -> int:
@@ -79,7 +116,7 @@ class GaussPseudospectralMethod(MethodModel):
     adaptive: Adaptive = None
     """Adaptive refinement; not in this version."""
     refine: Refine = None
-    """Refinement of switching times; not in this version."""
+    """Whether to refine the answer to its true arcs, with the switching times as unknowns."""
 
     @model_validator(mode="after")
     def _limit(self) -> Self:
@@ -102,7 +139,7 @@ class HermiteSimpsonMethod(MethodModel):
     adaptive: Adaptive = None
     """Adaptive refinement; not in this version."""
     refine: Refine = None
-    """Refinement of switching times; not in this version."""
+    """Whether to refine the answer to its true arcs, with the switching times as unknowns."""
 
 
 Method = AutoMethod | SplineWaveletMethod | GaussPseudospectralMethod | HermiteSimpsonMethod

@@ -39,7 +39,7 @@ def test_mistakes_of_every_kind_are_reported_together() -> None:
         "/problem/final_time": [-2, -1],
         "/problem/objective": {"terminal": "tff", "running": "sin("},
         "/problem/guess/states": {"theta": [0, "oops"]},
-        "/method": {"name": "swcm", "L": 2, "J": 99, "refine": "switching"},
+        "/method": {"name": "swcm", "L": 2, "J": 99, "refine": "switchng"},
         "/options/max_seconds": 1e9,
         "/output/samples": 0,
     }
@@ -67,7 +67,7 @@ def test_mistakes_of_every_kind_are_reported_together() -> None:
             ("/problem/guess/states/theta/1", "invalid"),
             ("/method/L", "invalid"),
             ("/method/J", "limit"),
-            ("/method/refine", "unsupported"),
+            ("/method/refine", "invalid"),
             ("/options/max_seconds", "limit"),
             ("/output/samples", "invalid"),
         ]

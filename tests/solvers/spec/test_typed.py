@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from solvers.errors import ExpressionError
+from solvers.errors import DocumentError, ExpressionError
 from solvers.spec import (
     METHODS,
     AutoMethod,
@@ -97,6 +97,33 @@ def test_methods_and_their_defaults(method: Any, wanted: Any) -> None:
     document = edited({} if method is None else {"/method": method}, FIRST_ORDER)
     assert check_document(document).method == wanted
     assert type(wanted) is METHODS[wanted.name]
+
+
+@pytest.mark.parametrize("name", ["swcm", "gpm", "hermite_simpson"])
+def test_a_refined_answer_is_verified_to_its_own_tolerance(name: str) -> None:
+    spec = check_document(edited({"/method": {"name": name, "refine": "switching"}}, FIRST_ORDER))
+    assert spec.method.refinement == "switching"
+    assert set(spec.verification_tolerances().values()) == {1e-6}
+    plain = check_document(edited({"/method": {"name": name, "refine": None}}, FIRST_ORDER))
+    assert plain.method.refinement is None
+    assert set(plain.verification_tolerances().values()) == {1e-2}
+    auto = check_document(edited({"/method": {"name": "auto"}}, FIRST_ORDER))
+    assert auto.method.refinement is None
+
+
+@pytest.mark.parametrize(
+    ("value", "detail"),
+    [
+        ("switchng", "must be 'switching' or null, not 'switchng'; did you mean 'switching'?"),
+        ("collocation", "must be 'switching' or null, not 'collocation'"),
+        (True, "must be 'switching' or null, not true"),
+        ({}, "must be 'switching' or null, not an object"),
+    ],
+)
+def test_no_other_refinement_is_known(value: Any, detail: str) -> None:
+    with pytest.raises(DocumentError) as caught:
+        check_document(edited({"/method": {"name": "gpm", "refine": value}}, FIRST_ORDER))
+    assert [(fault.pointer, fault.detail) for fault in caught.value.faults] == [("/method/refine", detail)]
 
 
 def test_options_take_expressions_and_defaults() -> None:
