@@ -7,32 +7,7 @@ from typing import Any
 
 import pytest
 
-FLEXIBLE_SPACECRAFT: dict[str, Any] = {
-    "problem": {
-        "model": {
-            "kind": "mechanical",
-            "coordinates": ["theta", "alpha"],
-            "controls": ["T"],
-            "parameters": {"Jb": 440, "R": 2.5, "m": 10, "L": 5, "k": 100},
-            "mass": [
-                ["Jb + 2*m*(R^2 + L^2 + 2*R*L*cos(alpha))", "2*m*(L^2 + R*L*cos(alpha))"],
-                ["2*m*(L^2 + R*L*cos(alpha))", "2*m*L^2"],
-            ],
-            "damping": [
-                ["-2*m*R*L*sin(alpha)*alpha_dot", "-2*m*R*L*sin(alpha)*(theta_dot + alpha_dot)"],
-                ["2*m*R*L*sin(alpha)*theta_dot", 0],
-            ],
-            "stiffness": [[0, 0], [0, "2*k"]],
-            "input": [[1], [0]],
-        },
-        "final_time": [1, 100],
-        "initial_state": {"*": 0},
-        "final_state": {"theta": "pi/6", "alpha": 0, "theta_dot": 0, "alpha_dot": 0},
-        "bounds": {"T": [-5, 5]},
-        "objective": {"terminal": "tf"},
-        "guess": {"final_time": 30},
-    }
-}
+from tests.bad_documents import FLEXIBLE_SPACECRAFT
 
 RIGID_BODY: dict[str, Any] = {
     "problem": {
@@ -85,7 +60,7 @@ OSCILLATOR: dict[str, Any] = {
 
 @pytest.fixture
 def flexible_spacecraft() -> dict[str, Any]:
-    return copy.deepcopy(FLEXIBLE_SPACECRAFT)
+    return {"problem": copy.deepcopy(FLEXIBLE_SPACECRAFT["problem"])}
 
 
 @pytest.fixture
