@@ -17,6 +17,7 @@ from solvers.guess import Start, WarmStart
 from solvers.optimizers.ipopt import Limits
 from solvers.problem import OptimalControlProblem
 from solvers.progress import Progress, ProgressReport, SilentProgress
+from solvers.refine.switching import refine_switching
 from solvers.report import constraint_margins
 from solvers.scaling import Scaling, automatic_scaling
 from solvers.session import Session, Solved
@@ -72,13 +73,25 @@ def solve(spec: JobSpec, progress: Progress | None = None, earlier: Trajectory |
     )
     session.seconds["build"] = time.perf_counter() - started
     method, meshes = _meshes(spec)
-    answers = _warm_answer(session, meshes, earlier) or _answers(session, meshes, spec.options.starts)
-    solved = min(answers, key=_rank)
+    span = 1.0 if spec.method.refinement is None else 0.5
+    answers = _warm_answer(session, meshes, earlier, span) or _answers(
+        session, meshes, spec.options.starts, span
+    )
+    best = solved = min(answers, key=_rank)
+    refinement = None
+    if spec.method.refinement is not None and solved.converged:
+        refinement = refine_switching(session, solved)
+        solved = refinement.solved
     costates = solved.transcription.costates(solved.trajectory, solved.outcome.row_multipliers)
     verification = replace(
         _verify(session, spec, solved),
         hamiltonian_drift=hamiltonian_drift(problem, solved.trajectory, costates),
     )
+    switching, warnings = find_switching(problem, solved.trajectory), list[dict[str, str]]()
+    if refinement is not None:
+        verification = refinement.certified(problem, verification)
+        switching, warnings = refinement.switching(problem), refinement.warnings
+        method = {**method, **refinement.summary}
     status, message = _judge(spec, session, solved, verification)
     session.seconds["total"] = time.perf_counter() - started
     return Solution(
@@ -91,7 +104,7 @@ def solve(spec: JobSpec, progress: Progress | None = None, earlier: Trajectory |
         message=message,
         method=method,
         verification=verification,
-        switching=find_switching(problem, solved.trajectory),
+        switching=switching,
         constraints=constraint_margins(problem, solved.trajectory),
         convergence=session.convergence,
         starts=[
@@ -99,11 +112,11 @@ def solve(spec: JobSpec, progress: Progress | None = None, earlier: Trajectory |
                 "objective": answer.objective,
                 "final_time": answer.trajectory.tf,
                 "status": answer.outcome.status.value,
-                "kept": answer is solved,
+                "kept": answer is best,
             }
             for answer in answers
         ],
-        warnings=[],
+        warnings=warnings,
         statistics=Statistics(
             solved.transcription.builder.size,
             solved.transcription.builder.row_count,
@@ -114,23 +127,26 @@ def solve(spec: JobSpec, progress: Progress | None = None, earlier: Trajectory |
     )
 
 
-def _warm_answer(session: Session, meshes: Sequence[Mesh], earlier: Trajectory | None) -> list[Solved]:
+def _warm_answer(
+    session: Session, meshes: Sequence[Mesh], earlier: Trajectory | None, span: float
+) -> list[Solved]:
     """The finest mesh solved from an earlier answer; nothing if there is none or it leads nowhere."""
     if earlier is None:
         return []
     problem = session.problem
     start = WarmStart(earlier, problem.guess, problem.states, problem.controls)
     transcription = meshes[-1](problem, session.scaling, start)
-    solved = session.solve(transcription, "solve from the earlier job", warm=True)
+    solved = session.solve(transcription, "solve from the earlier job", (0.0, span), warm=True)
     return [solved] if solved.converged or solved.stopped else []
 
 
-def _answers(session: Session, meshes: Sequence[Mesh], count: int) -> list[Solved]:
-    """An answer from each start; fewer if somebody or the clock asks to stop."""
+def _answers(session: Session, meshes: Sequence[Mesh], count: int, span: float) -> list[Solved]:
+    """An answer from each start, ``span`` of all work; fewer if somebody or the clock asks to stop."""
     answers: list[Solved] = []
     for index, start in enumerate(several_starts(session.problem, session.scaling, count)):
         stage = "solve" if count == 1 else f"start {index + 1} of {count}"
-        answers.append(_continue(session, meshes, start, stage, (index / count, (index + 1) / count)))
+        share = span * index / count, span * (index + 1) / count
+        answers.append(_continue(session, meshes, start, stage, share))
         if answers[-1].stopped:
             break
     return answers

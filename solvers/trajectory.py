@@ -14,6 +14,9 @@ from solvers.curves import Curve
 
 Vector = NDArray[np.float64]
 
+# From a normalised time to its time and back.
+_ROUNDING = 1e-12
+
 
 @dataclass(frozen=True)
 class Trajectory:
@@ -83,9 +86,10 @@ class Trajectory:
     def sample(self, times: Vector, *, derivatives: bool = False) -> dict[str, Any]:
         """The ``trajectory`` of a result at these times: ``t``, ``states``, ``controls``, and ``rates``.
 
-        Times outside [t0, tf] take the value at the nearer end.
+        Times outside [t0, tf] take the value at the nearer end. Where a control jumps, a time that stands
+        twice in a row gives its left and its right value, one that stands alone the right one.
         """
-        tau = self.tau(times)
+        tau = self._one_sided(times)
         sampled: dict[str, Any] = {
             "t": times.tolist(),
             "states": {name: curve(tau).tolist() for name, curve in self.states.items()},
@@ -95,3 +99,13 @@ class Trajectory:
             rates = self.rates_at(tau)
             sampled["rates"] = {name: rate.tolist() for name, rate in zip(self.states, rates, strict=True)}
         return sampled
+
+    def _one_sided(self, times: Vector) -> Vector:
+        """Normalised times; at a breakpoint exactly that, before it the first of two equal times in a row."""
+        tau = self.tau(times)
+        after = np.clip(np.searchsorted(self.breakpoints, tau), 1, self.breakpoints.size - 1)
+        left, right = self.breakpoints[after - 1], self.breakpoints[after]
+        nearest = np.where(tau - left < right - tau, left, right)
+        at_break = np.abs(tau - nearest) <= _ROUNDING
+        first = np.append(times[1:] == times[:-1], False)
+        return np.where(at_break, np.where(first, np.nextafter(nearest, 0.0), nearest), tau)

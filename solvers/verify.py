@@ -75,6 +75,7 @@ class Verification:
     checks: tuple[Check, ...]
     note: str
     hamiltonian_drift: float | None = None
+    mesh_error_estimate: float | None = None
 
     @property
     def passed(self) -> bool:
@@ -92,7 +93,7 @@ class Verification:
             "max_path_violation": self.max_path_violation,
             "objective": self.objective,
             "hamiltonian_drift": self.hamiltonian_drift,
-            "mesh_error_estimate": None,
+            "mesh_error_estimate": self.mesh_error_estimate,
             "growth": self.growth,
             "states": {
                 name: {

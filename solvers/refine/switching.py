@@ -11,6 +11,7 @@ from __future__ import annotations
 import time
 from collections.abc import Hashable
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,11 +19,14 @@ from numpy.typing import NDArray
 from solvers.problem import Interval, OptimalControlProblem
 from solvers.refine.detection import find_structure
 from solvers.refine.mesh import ArcMesh, first_mesh
-from solvers.refine.residual import arc_errors
+from solvers.refine.residual import arc_errors, mesh_error_estimate
 from solvers.refine.structure import Pieces, Structure
 from solvers.session import Session, Solved
+from solvers.status import SolveStatus
+from solvers.switching import find_switching
 from solvers.trajectory import Trajectory
 from solvers.transcription.multi_arc import MultiArc
+from solvers.verify import Check, Verification
 
 Vector = NDArray[np.float64]
 
@@ -31,6 +35,9 @@ TOLERANCE = 5e-9
 
 ACCEPTABLE = 1e-7
 """What it may be where more nodes do not bring it below the tolerance."""
+
+DRIFT = 1e-6
+"""How far the Hamiltonian may wander, relative to the magnitude of its terms."""
 
 WRONG_SIGN = 1e-3
 """The largest wrong value of a switching function that is accepted, relative to its largest value.
@@ -73,14 +80,45 @@ class Refined:
 
 @dataclass(frozen=True)
 class Refinement:
-    """The refined answer, or None and ``reason``, why the first one stays.
+    """The refined answer, or the first one and why it stays."""
 
-    ``needed`` is False where the first answer has neither arcs nor limits to refine.
-    """
-
+    solved: Solved
     refined: Refined | None
-    reason: str = ""
-    needed: bool = True
+    reason: str
+
+    @property
+    def summary(self) -> dict[str, Any]:
+        """What was done, for the ``method`` of the result; ``refine`` is None if the first answer stays."""
+        if self.refined is None:
+            return {"refine": None}
+        counts = [list(counts) for counts in self.refined.mesh.counts]
+        return {"refine": "switching", "arcs": len(counts), "arc_nodes": counts}
+
+    @property
+    def warnings(self) -> list[dict[str, str]]:
+        """Why the first answer stays, if it does."""
+        if self.refined is not None:
+            return []
+        return [{"code": "refinement_failed", "pointer": "/method/refine", "detail": self.reason}]
+
+    def switching(self, problem: OptimalControlProblem) -> dict[str, Any]:
+        """The ``switching`` of the result."""
+        if self.refined is None:
+            return find_switching(problem, self.solved.trajectory)
+        return self.refined.structure.switching(problem, self.solved.trajectory)
+
+    def certified(self, problem: OptimalControlProblem, verification: Verification) -> Verification:
+        """The verification with what else a refined answer must show: its signs, its Hamiltonian."""
+        if self.refined is None:
+            return verification
+        checks = [Check("switching_sign", self.refined.wrong_sign, WRONG_SIGN)]
+        if verification.hamiltonian_drift is not None:
+            checks.append(Check("hamiltonian_drift", verification.hamiltonian_drift, DRIFT))
+        return replace(
+            verification,
+            checks=(*verification.checks, *checks),
+            mesh_error_estimate=mesh_error_estimate(problem, self.solved.trajectory),
+        )
 
 
 def refine_switching(session: Session, first: Solved) -> Refinement:
@@ -101,7 +139,7 @@ def refine_switching(session: Session, first: Solved) -> Refinement:
     reason = search.run(structure)
     session.iterations = inner.iterations
     session.seconds["refine"] = time.perf_counter() - started
-    return replace(search.judged(reason), needed=not structure.is_plain)
+    return search.judged(reason)
 
 
 @dataclass
@@ -112,6 +150,7 @@ class _Search:
     first: Solved
     tried: set[Hashable] = field(default_factory=set)
     best: Refined | None = None
+    stopped: SolveStatus | None = None
 
     def run(self, structure: Structure) -> str:
         """Search from ``structure``; returns why it ended."""
@@ -120,6 +159,7 @@ class _Search:
         for round_ in range(_ROUNDS):
             solved = self._solve(structure, mesh, start, round_)
             if not solved.converged:
+                self.stopped = solved.outcome.status if solved.stopped else None
                 return f"the multi-arc problem ended {solved.outcome.status.value}"
             program, start = solved.transcription, solved.trajectory
             assert isinstance(program, MultiArc)
@@ -144,16 +184,22 @@ class _Search:
 
     def judged(self, reason: str) -> Refinement:
         """The best that was found, if it may replace the first answer."""
-        best = self.best
+        best = None if self.stopped else self.best
         if best is None:
-            return Refinement(None, reason)
+            return self._stays(reason)
         if best.error > ACCEPTABLE:
-            return Refinement(None, f"the states between nodes are wrong by {best.error:.1e}; {reason}")
+            return self._stays(f"the states between nodes are wrong by {best.error:.1e}; {reason}")
         worse = best.solved.objective - self.first.objective
         doubt = float(arc_errors(self.session.problem, self.first.trajectory).states.max())
         if worse > max(_WORSE, doubt) * max(abs(self.first.objective), abs(best.solved.objective), 1e-6):
-            return Refinement(None, f"the objective would get worse by {worse:.1e}")
-        return Refinement(best)
+            return self._stays(f"the objective would get worse by {worse:.1e}")
+        return Refinement(best.solved, best, reason)
+
+    def _stays(self, reason: str) -> Refinement:
+        """The first answer; stopped, where somebody or the clock asked to stop."""
+        status = self.first.outcome.status if self.stopped is None else self.stopped
+        outcome = replace(self.first.outcome, status=status)
+        return Refinement(replace(self.first, outcome=outcome), None, reason)
 
     def _first_mesh(self, start: Trajectory, structure: Structure) -> ArcMesh:
         self.tried.add(structure.pattern)
@@ -170,7 +216,8 @@ class _Search:
             structure.pinned,
             structure.follows(self.session.problem, start),
         )
-        return self.session.solve(transcription, f"switching {round_ + 1}", (0.5, 1.0), warm=True)
+        share = 1.0 - 0.5 ** (round_ + 1), 1.0 - 0.5 ** (round_ + 2)
+        return self.session.solve(transcription, f"switching {round_ + 1}", share, warm=True)
 
     def _keep(self, found: Refined) -> None:
         """Keep the better one: of one pattern that of smaller error, else that of the smaller objective."""
