@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from solvers.bases.graded import GradedKnots
 from solvers.cache import STRUCTURES, StructureCache
 from solvers.optimizers.ipopt import Limits
 from solvers.problem import OptimalControlProblem
@@ -48,7 +49,7 @@ def answer(
     transcription: Transcription
     match method:
         case "swcm":
-            transcription = SplineWavelet(*common, 5, level)
+            transcription = SplineWavelet(*common, GradedKnots.uniform(5, level))
         case "gpm":
             transcription = GaussPseudospectral(*common, np.array([0.0, 1.0]), (10,))
         case _:
