@@ -21,7 +21,9 @@ _REPORT_EVERY = 0.1  # seconds; a report copies all unknowns, which would cost m
 # Measured on the cases (docs/benchmarks.md): from a guess the adaptive barrier needs two thirds of the
 # iterations of the monotone one; near a solution a small barrier needs no strategy.
 _COLD = {"ipopt.mu_strategy": "adaptive"}
-_WARM = {"ipopt.mu_init": 1e-4, "ipopt.bound_push": 1e-6, "ipopt.bound_frac": 1e-6}
+_WARM = {"ipopt.bound_push": 1e-6, "ipopt.bound_frac": 1e-6}
+WARM_BARRIER = 1e-4
+"""Where the barrier parameter starts when the initial point is close to the solution."""
 
 _STATUS = {
     "Solve_Succeeded": SolveStatus.CONVERGED,
@@ -69,11 +71,17 @@ class Limits:
 class Ipopt:
     """IPOPT on the functions of one program; serves every program of the same structure, one at a time.
 
-    ``warm`` says that initial points are close to solutions: the barrier starts small.
+    ``warm`` says that initial points are close to solutions: the barrier starts at ``barrier``.
     """
 
     def __init__(
-        self, program: NonlinearProgram, *, tolerance: float, max_iterations: int, warm: bool = False
+        self,
+        program: NonlinearProgram,
+        *,
+        tolerance: float,
+        max_iterations: int,
+        warm: bool = False,
+        barrier: float = WARM_BARRIER,
     ) -> None:
         compiled = compile_program(program)
         self._watcher = _Watcher(program)
@@ -92,7 +100,7 @@ class Ipopt:
             # A control that rests on its bound shall not pass it, not even by a rounding of 1e-8.
             "ipopt.bound_relax_factor": 0.0,
         }
-        options |= _WARM if warm else _COLD
+        options |= {**_WARM, "ipopt.mu_init": barrier} if warm else _COLD
         functions = {"x": compiled.w, "p": compiled.p, "f": compiled.objective, "g": compiled.constraints}
         self._solver = ca.nlpsol("solver", "ipopt", functions, options)
 

@@ -73,9 +73,9 @@ class Structure:
         return levels, flags
 
     @property
-    def is_plain(self) -> bool:
-        """Whether there is nothing but one free arc."""
-        return self.arcs == 1 and not self.followed and bool(np.isnan([*self.pinned.values()]).all())
+    def is_free(self) -> bool:
+        """Whether a control is free anywhere."""
+        return bool(np.isnan([*self.pinned.values()]).any())
 
     def follows(self, problem: OptimalControlProblem, trajectory: Trajectory) -> tuple[Follow, ...]:
         """The limits with their arcs, as the multi-arc program wants them."""

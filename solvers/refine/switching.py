@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from solvers.optimizers.ipopt import WARM_BARRIER
 from solvers.problem import Interval, OptimalControlProblem
 from solvers.refine.detection import find_structure
 from solvers.refine.mesh import ArcMesh, first_mesh
@@ -190,10 +191,15 @@ class _Search:
         if best.error > ACCEPTABLE:
             return self._stays(f"the states between nodes are wrong by {best.error:.1e}; {reason}")
         worse = best.solved.objective - self.first.objective
-        doubt = float(arc_errors(self.session.problem, self.first.trajectory).states.max())
-        if worse > max(_WORSE, doubt) * max(abs(self.first.objective), abs(best.solved.objective), 1e-6):
+        size = max(abs(self.first.objective), abs(best.solved.objective), 1e-6)
+        if worse > _WORSE * size and worse > self._doubt * size:
             return self._stays(f"the objective would get worse by {worse:.1e}")
         return Refinement(best.solved, best, reason)
+
+    @property
+    def _doubt(self) -> float:
+        """How wrong the states of the first answer are between nodes, relative."""
+        return float(arc_errors(self.session.problem, self.first.trajectory).states.max())
 
     def _stays(self, reason: str) -> Refinement:
         """The first answer; stopped, where somebody or the clock asked to stop."""
@@ -216,6 +222,8 @@ class _Search:
             structure.pinned,
             structure.follows(self.session.problem, start),
         )
+        # Without a free control there is nothing to stay away from: Newton's method alone, in three steps.
+        self.session.barrier = WARM_BARRIER if structure.is_free else _PROGRAM_TOLERANCE
         share = 1.0 - 0.5 ** (round_ + 1), 1.0 - 0.5 ** (round_ + 2)
         return self.session.solve(transcription, f"switching {round_ + 1}", share, warm=True)
 
