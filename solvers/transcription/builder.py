@@ -112,10 +112,17 @@ class ProgramBuilder:
 
     def rows_of(self, block: range, matrix: Matrix | None = None) -> Matrix:
         """Spread ``matrix`` (K x len(block)), by default the identity, over all unknowns: K x size."""
-        entries = sparse.coo_array(sparse.eye_array(len(block)) if matrix is None else matrix)
+        if matrix is None:
+            return self.single_rows(np.arange(block.start, block.stop))
+        rows = sparse.csr_array(matrix)
         return sparse.csr_array(
-            (entries.data, (entries.row, entries.col + block.start)), shape=(entries.shape[0], self.size)
+            (rows.data, rows.indices + block.start, rows.indptr), shape=(rows.shape[0], self.size)
         )
+
+    def single_rows(self, unknowns: NDArray[np.int64]) -> Matrix:
+        """Rows that are one unknown each: K x size."""
+        parts = np.ones(unknowns.size), unknowns, np.arange(unknowns.size + 1)
+        return sparse.csr_array(parts, shape=(unknowns.size, self.size))
 
     def apply(self, function: ca.Function, blocks: Sequence[Matrix], numbers: Numbers) -> Places:
         """Apply F(z, p) to K places: ``blocks`` has K rows a local variable, ``numbers`` gives n_p x K."""

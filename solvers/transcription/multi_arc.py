@@ -239,8 +239,8 @@ class MultiArc(GaussPseudospectral):
     def _edge_rows(self) -> sparse.csr_array:
         """Rows of the S + 1 ends of the arcs."""
         first, last = self.builder.blocks["times"]
-        edges = [self.builder.rows_of(edge) for edge in (first, *self.builder.blocks["instants"], last)]
-        return sparse.csr_array(sparse.vstack(edges, format="csr"))
+        edges = [block.start for block in (first, *self.builder.blocks["instants"], last)]
+        return self.builder.single_rows(np.array(edges))
 
 
 def _some(instants: Instants, index: NDArray[np.intp]) -> Instants:
