@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import Protocol
 
 import numpy as np
@@ -119,9 +119,9 @@ class LagrangeCurve:
         result = np.empty_like(tau)
         for alike in self._alike:
             here = np.isin(segment, alike.segments)
-            rows = lagrange_matrix(alike.support, alike.weights, local[here])
+            rows = _interpolation(alike.support.tobytes(), local[here].tobytes())
             values = alike.derivative(derivative, widths)[np.searchsorted(alike.segments, segment[here])]
-            result[here] = np.sum(rows * values, axis=1)
+            result[here] = np.einsum("ij,ij->i", rows, values)
         return result
 
     @cached_property
@@ -132,6 +132,13 @@ class LagrangeCurve:
             _Alike(group, self.supports[group[0]], np.array([self.values[index] for index in group]))
             for group in groups
         ]
+
+
+@lru_cache(maxsize=2)
+def _interpolation(support: bytes, local: bytes) -> Vector:
+    """Rows from values at the support to those at local points: the same for all states of a trajectory."""
+    points = np.frombuffer(support)
+    return lagrange_matrix(points, barycentric_weights(points), np.frombuffer(local))
 
 
 @dataclass(frozen=True)

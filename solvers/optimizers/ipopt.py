@@ -99,6 +99,9 @@ class Ipopt:
             "ipopt.max_iter": max_iterations,
             # A control that rests on its bound shall not pass it, not even by a rounding of 1e-8.
             "ipopt.bound_relax_factor": 0.0,
+            # Approximate minimum degree: bands and small blocks are no case for the nested dissection that
+            # MUMPS takes by itself (measured up to 8,000 intervals: up to twice as fast).
+            "ipopt.mumps_pivot_order": 0,
         }
         options |= {**_WARM, "ipopt.mu_init": barrier} if warm else _COLD
         functions = {"x": compiled.w, "p": compiled.p, "f": compiled.objective, "g": compiled.constraints}
@@ -142,14 +145,7 @@ class _Watcher(ca.Callback):
 
     def __init__(self, program: NonlinearProgram) -> None:
         ca.Callback.__init__(self)
-        self._sizes = {
-            "f": 1,
-            "x": program.variables,
-            "lam_x": program.variables,
-            "g": program.constraints,
-            "lam_g": program.constraints,
-            "lam_p": program.numbers.size,
-        }
+        self._sizes = {"f": 1, "g": program.constraints}
         self.construct("watcher", {})
 
     def begin(self, program: NonlinearProgram, limits: Limits, report: Callable[[Iterate], None]) -> None:
@@ -167,7 +163,9 @@ class _Watcher(ca.Callback):
         return 1
 
     def get_sparsity_in(self, index: int) -> ca.Sparsity:
-        return ca.Sparsity.dense(self._sizes[ca.nlpsol_out(index)])
+        # Empty for what is not looked at: it is then not copied either.
+        size = self._sizes.get(ca.nlpsol_out(index), 0)
+        return ca.Sparsity.dense(size, 1) if size else ca.Sparsity(0, 0)
 
     def eval(self, values: Sequence[ca.DM]) -> list[int]:
         self._iterations += 1

@@ -49,6 +49,10 @@ It is left where switches accumulate or structures would take turns.
 # Switching times enter the objective squared, and a singular control more weakly still: they are as good as
 # the square root of this.
 _PROGRAM_TOLERANCE = 1e-12
+# Where IPOPT ends for this tolerance.
+_NO_BARRIER = _PROGRAM_TOLERANCE / 11.0
+# An arc of this part of the horizon does not vanish.
+_FIRM = 0.02
 _ROUNDS = 16
 # An arc is cut where the sign is wrong by more than this, and by more than the error of the states.
 _CUT = 1e-6
@@ -222,8 +226,10 @@ class _Search:
             structure.pinned,
             structure.follows(self.session.problem, start),
         )
-        # Without a free control there is nothing to stay away from: Newton's method alone, in three steps.
-        self.session.barrier = WARM_BARRIER if structure.is_free else _PROGRAM_TOLERANCE
+        # Without free controls, and with arcs that are there to stay, there is no bound to stay away from:
+        # three steps of Newton's method.
+        firm = not structure.is_free and np.diff(structure.edges).min() >= _FIRM
+        self.session.barrier = _NO_BARRIER if firm else WARM_BARRIER
         share = 1.0 - 0.5 ** (round_ + 1), 1.0 - 0.5 ** (round_ + 2)
         return self.session.solve(transcription, f"switching {round_ + 1}", share, warm=True)
 
