@@ -305,15 +305,17 @@ class Transcription(ABC):
             self.builder.cost(places, np.eye(len(values))[-1])
 
     def _add_path(self) -> None:
-        problem = self.problem
-        if not problem.path:
-            return
-        symbols = NodeSymbols(problem, self.per_tau)
+        if self.problem.path:
+            instants = self.path_instants()
+            count = instants.tau.size
+            self.hold_path(instants, lambda this: this.path_bounds(count))
+
+    def hold_path(self, instants: Instants, bounds: Intervals) -> None:
+        """Hold the path constraints at these instants within ``bounds``, instant by instant."""
+        problem, symbols = self.problem, NodeSymbols(self.problem, self.per_tau)
         values = [item.expression.evaluate(symbols.scope, CASADI.functions) for item in problem.path]
-        instants = self.path_instants()
         places = self.apply(symbols.function("path", values), instants)
-        count = instants.tau.size
-        self._constrain_expressions(places, problem.path, count, lambda this: this.path_bounds(count))
+        self._constrain_expressions(places, problem.path, instants.tau.size, bounds)
 
     def path_bounds(self, count: int) -> tuple[Vector, Vector]:
         """Bounds of the path constraints at ``count`` instants, (count constraints,), instant by instant."""

@@ -29,7 +29,7 @@ from scipy import sparse
 from solvers.limits import Limit
 from solvers.trajectory import Trajectory
 from solvers.transcription.base import Instants, NodeSymbols
-from solvers.transcription.builder import fixed
+from solvers.transcription.builder import Intervals, fixed
 from solvers.transcription.gauss_pseudospectral import GaussPseudospectral
 from solvers.transcription.limit_rates import LimitRates
 
@@ -76,12 +76,13 @@ class MultiArc(GaussPseudospectral):
     @property
     def mesh(self) -> Hashable:
         """Arcs and their nodes; where they start is for the optimizer to find."""
-        pinned = tuple(tuple(np.isnan(levels)) for levels in self.pinned.values())
-        followed = tuple(
+        free = tuple(tuple(np.isnan(levels).tolist()) for levels in self.pinned.values())
+        bounded = tuple(bool(np.isfinite(bounds).any()) for bounds in self.problem.control_bounds)
+        follows = tuple(
             (item.limit.pointer, item.limit.upper, item.arcs, item.touched, item.idle)
             for item in self.follows
         )
-        return self.parts, self.counts, followed and (pinned, followed)
+        return self.parts, self.counts, free, bounded, follows
 
     @cached_property
     def arc_of_segment(self) -> NDArray[np.intp]:
@@ -132,11 +133,15 @@ class MultiArc(GaussPseudospectral):
 
     def path_bounds(self, count: int) -> tuple[Vector, Vector]:
         """The bounds of the document, left out where the trajectory is held on them by equations."""
-        sides = super().path_bounds(count)
+        return self._path_bounds(self.arc_of_node)
+
+    def _path_bounds(self, arcs: NDArray[np.intp]) -> tuple[Vector, Vector]:
+        """The same at instants that belong to these arcs."""
+        sides = super().path_bounds(arcs.size)
         for item in self.follows:
             if item.limit.path is not None:
-                side = sides[item.limit.upper].reshape(count, -1)
-                side[np.isin(self.arc_of_node, (*item.arcs, *item.idle)), item.limit.path] = (
+                side = sides[item.limit.upper].reshape(arcs.size, -1)
+                side[np.isin(arcs, (*item.arcs, *item.idle)), item.limit.path] = (
                     np.inf if item.limit.upper else -np.inf
                 )
         return sides
@@ -158,6 +163,7 @@ class MultiArc(GaussPseudospectral):
         rows = self._edge_rows()
         durations = sparse.csr_array(rows[1:] - rows[:-1])
         self.builder.constrain(fixed(_SHORTEST_ARC, np.inf), scale=self.scaling.time, linear=durations)
+        self._bound_ends()
         for index, item in enumerate(self.follows):
             self._follow(index, item)
 
@@ -195,14 +201,31 @@ class MultiArc(GaussPseudospectral):
         arc = self.arc_of_segment
         return np.append(edges[arc] + starts * np.diff(edges)[arc], 1.0), (t0, tf)
 
+    def _bound_ends(self) -> None:
+        """Hold free controls and path constraints within bounds at both ends of the arcs, which are no nodes.
+
+        Where an arc begins with a control that just leaves its bound, the nodes alone would let it begin
+        earlier, with a control beyond the bound.
+        """
+        problem, arcs = self.problem, np.arange(len(self.parts))
+        for arcs_ends in (self._at_arcs(arcs, 0), self._at_arcs(arcs, 1)):
+            for j, rows in enumerate(arcs_ends.controls):
+                free = np.isnan(self.pinned[problem.controls[j]])
+                if free.any() and np.isfinite(problem.control_bounds[j]).any():
+                    self.builder.constrain(
+                        _control_interval(j), scale=self.scaling.controls[j], linear=rows[free]
+                    )
+            if problem.path:
+                self.hold_path(arcs_ends, lambda this: this._path_bounds(arcs))
+
     def _follow(self, index: int, item: Follow) -> None:
         """Hold S^(q) at the nodes of the arcs, and S ... S^(q-1) where the trajectory meets the limit."""
         order = item.rates.order
         nodes = np.flatnonzero(np.isin(self.arc_of_node, item.arcs))
         self._hold(index, [order], _some(self.path_instants(), nodes))
         entries = [arc for arc in item.arcs if arc > 0 and arc - 1 not in item.arcs]
-        self._hold(index, range(order), self._at_starts(entries))
-        self._hold(index, range(min(order, _TOUCHED)), self._at_starts(item.touched))
+        self._hold(index, range(order), self._at_arcs(entries, 0))
+        self._hold(index, range(min(order, _TOUCHED)), self._at_arcs(item.touched, 0))
 
     def _hold(self, index: int, orders: Sequence[int], instants: Instants) -> None:
         """Hold derivatives of a limit: the first of order 0 on the level, all others at zero."""
@@ -229,18 +252,32 @@ class MultiArc(GaussPseudospectral):
         """Among the points where states stand, the start of every arc and the end of the last."""
         return self._starts[self._first_segments]
 
-    def _at_starts(self, arcs: Sequence[int]) -> Instants:
-        """The instants at which these arcs start, with the controls of their first nodes."""
-        first_nodes = np.concatenate([[0], np.cumsum(self.counts)])[self._first_segments[list(arcs)]]
-        nodes = _some(self.path_instants(), first_nodes)
-        states = [rows[self._points[list(arcs)]] for rows in self.nodes().states]
-        return Instants(np.zeros(len(arcs)), states, nodes.controls, nodes.span)
+    def _at_arcs(self, arcs: Sequence[int] | NDArray[np.intp], side: int) -> Instants:
+        """The instants at which arcs start (``side`` 0) or end (1), with the controls inside the arc."""
+        arcs = np.asarray(arcs, np.intp)
+        segments = self._first_segments[arcs] if side == 0 else self._first_segments[arcs + 1] - 1
+        first_nodes, to_ends = np.concatenate([[0], np.cumsum(self.counts)]), self._to_ends()
+        matrix = sparse.lil_array((arcs.size, self.node_tau.size))
+        for row, segment in enumerate(segments):
+            matrix[row, first_nodes[segment] : first_nodes[segment + 1]] = to_ends[segment][side]
+        shares, edges = sparse.csr_array(matrix), self._edge_rows()
+        blocks = self.builder.blocks
+        return Instants(
+            np.full(arcs.size, float(side)),
+            [self.builder.rows_of(block)[self._points[arcs + side]] for block in blocks["states"]],
+            [self.builder.rows_of(block, shares) for block in blocks["controls"]],
+            (edges[arcs], edges[arcs + 1]),
+        )
 
     def _edge_rows(self) -> sparse.csr_array:
         """Rows of the S + 1 ends of the arcs."""
         first, last = self.builder.blocks["times"]
         edges = [block.start for block in (first, *self.builder.blocks["instants"], last)]
         return self.builder.single_rows(np.array(edges))
+
+
+def _control_interval(index: int) -> Intervals:
+    return lambda this: this.problem.control_bounds[index]
 
 
 def _some(instants: Instants, index: NDArray[np.intp]) -> Instants:
