@@ -32,13 +32,21 @@ class ProblemSize:
     seconds: float
 
 
+# How much longer than the first mesh all meshes of the cases took.
+_ADAPTIVE_MESHES = 5
+
+
 def problem_size(spec: JobSpec) -> ProblemSize:
     """The size of the program that the method of this document builds on its finest mesh.
 
-    The seconds are those of a refinement too, which takes about as long again.
+    Of an adaptive mesh this is the first one. The seconds are those of a refinement too, which takes about as
+    long again, and of some meshes more where these adapt.
     """
     size = _mesh_size(spec)
-    return size if spec.method.refinement is None else replace(size, seconds=2.0 * size.seconds)
+    passes = (1 if spec.method.refinement is None else 2) + (
+        0 if spec.method.adaptivity is None else _ADAPTIVE_MESHES
+    )
+    return replace(size, seconds=passes * size.seconds)
 
 
 def _mesh_size(spec: JobSpec) -> ProblemSize:
@@ -52,7 +60,7 @@ def _mesh_size(spec: JobSpec) -> ProblemSize:
         case HermiteSimpsonMethod(intervals=intervals):
             nodes = 2 * intervals + 1
             return _timed(_size(problem, (n + m) * nodes, 2 * n * intervals, nodes, nodes), 0.0)
-        case SplineWaveletMethod(L=length, J=level):
+        case SplineWaveletMethod(L=length, first_level=level):
             return _spline_size(problem, length << level)
         case AutoMethod():
             default = SplineWaveletMethod(name="swcm")

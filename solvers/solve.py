@@ -17,6 +17,11 @@ from solvers.guess import Start, WarmStart
 from solvers.optimizers.ipopt import Limits
 from solvers.problem import OptimalControlProblem
 from solvers.progress import Progress, ProgressReport, SilentProgress
+from solvers.refine.adaptive import AdaptiveMesh, adapt
+from solvers.refine.adaptive_gauss import GaussMesh
+from solvers.refine.adaptive_intervals import IntervalMesh
+from solvers.refine.adaptive_splines import SplineMesh
+from solvers.refine.residual import mesh_error_estimate
 from solvers.refine.switching import refine_switching
 from solvers.report import constraint_margins
 from solvers.scaling import Scaling, automatic_scaling
@@ -27,6 +32,8 @@ from solvers.spec import (
     GaussPseudospectralMethod,
     HermiteSimpsonMethod,
     JobSpec,
+    Method,
+    SplineAdaptivity,
     SplineWaveletMethod,
 )
 from solvers.starts import several_starts
@@ -73,11 +80,16 @@ def solve(spec: JobSpec, progress: Progress | None = None, earlier: Trajectory |
     )
     session.seconds["build"] = time.perf_counter() - started
     method, meshes = _meshes(spec)
-    span = 1.0 if spec.method.refinement is None else 0.5
+    span = 1.0 if spec.method.refinement is None and spec.method.adaptivity is None else 0.5
     answers = _warm_answer(session, meshes, earlier, span) or _answers(
         session, meshes, spec.options.starts, span
     )
     best = solved = min(answers, key=_rank)
+    unreached = None
+    if spec.method.adaptivity is not None and solved.converged:
+        adapted = adapt(session, _adaptive_mesh(spec.method), spec.method.adaptivity.tolerance, solved, span)
+        solved, unreached = adapted.solved, adapted.reason
+        method = {**method, "adaptive": {**spec.method.adaptivity.model_dump(), **adapted.mesh.summary}}
     refinement = None
     if spec.method.refinement is not None and solved.converged:
         refinement = refine_switching(session, solved)
@@ -86,13 +98,17 @@ def solve(spec: JobSpec, progress: Progress | None = None, earlier: Trajectory |
     verification = replace(
         _verify(session, spec, solved),
         hamiltonian_drift=hamiltonian_drift(problem, solved.trajectory, costates),
+        mesh_error_estimate=mesh_error_estimate(problem, solved.trajectory),
     )
     switching, warnings = find_switching(problem, solved.trajectory), list[dict[str, str]]()
     if refinement is not None:
         verification = refinement.certified(problem, verification)
         switching, warnings = refinement.switching(problem), refinement.warnings
         method = {**method, **refinement.summary}
+    if unreached is not None and (refinement is None or refinement.refined is None):
+        warnings.append({"code": "tolerance_not_reached", "pointer": "/method/adaptive", "detail": unreached})
     status, message = _judge(spec, session, solved, verification)
+    message = " ".join([message, *(item["detail"] for item in warnings)])
     session.seconds["total"] = time.perf_counter() - started
     return Solution(
         spec=spec,
@@ -216,10 +232,13 @@ def _meshes(spec: JobSpec) -> tuple[Mapping[str, Any], Sequence[Mesh]]:
     """What was done, as the ``method`` of the result, and the meshes from coarse to fine."""
     method = SplineWaveletMethod(name="swcm") if isinstance(spec.method, AutoMethod) else spec.method
     match method:
-        case SplineWaveletMethod(L=length, J=finest):
+        case SplineWaveletMethod(L=length, first_level=finest):
             levels = sorted({finest, *range(finest - _LEVEL_STRIDE, _COARSEST_LEVEL - 1, -_LEVEL_STRIDE)})
+            adapts = method.adaptive is not None
             return {"name": "swcm", "L": length, "J": finest}, [
-                lambda p, s, start, J=level: SplineWavelet(p, s, start, GradedKnots.uniform(length, J))
+                lambda p, s, start, J=level: SplineWavelet(
+                    p, s, start, GradedKnots.uniform(length, J), adaptive=adapts
+                )
                 for level in levels
             ]
         case GaussPseudospectralMethod(nodes=nodes, segments=segments):
@@ -233,3 +252,15 @@ def _meshes(spec: JobSpec) -> tuple[Mapping[str, Any], Sequence[Mesh]]:
                 lambda p, s, start: HermiteSimpson(p, s, start, knots)
             ]
     raise TypeError(f"no transcription for the method {method!r}")
+
+
+def _adaptive_mesh(method: Method) -> AdaptiveMesh:
+    """The finest mesh of :func:`_meshes`, as one that knows how to become a better one."""
+    match method:
+        case SplineWaveletMethod(L=length, first_level=level, adaptive=SplineAdaptivity(max_level=highest)):
+            return SplineMesh(GradedKnots.uniform(length, level), highest)
+        case GaussPseudospectralMethod(nodes=nodes, segments=segments):
+            return GaussMesh(np.linspace(0.0, 1.0, segments + 1), (nodes,) * segments)
+        case HermiteSimpsonMethod(intervals=intervals):
+            return IntervalMesh(np.linspace(0.0, 1.0, intervals + 1))
+    raise TypeError(f"no adaptive mesh for the method {method!r}")

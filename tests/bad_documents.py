@@ -314,7 +314,6 @@ def _unsupported() -> Iterator[BadDocument]:
     for name, pointer, value in (
         ("genetic algorithm", "/method", {"name": "ga"}),
         ("piecewise", "/method", {"name": "piecewise"}),
-        ("adaptive", "/method/adaptive", {"tolerance": 1e-6}),
         ("scenarios", "/problem/scenarios", {"cases": [{"name": "soft", "parameters": {"k": 90}}]}),
         ("control rates", "/problem/control_rates", {"T": [-1, 1]}),
         (

@@ -210,14 +210,18 @@ class GradedWavelets:
         """B-spline coefficients of the functions with these wavelet coefficients, of the same shape."""
         scaling, *details = np.split(coefficients, np.cumsum(self.sizes)[:-1])
         space, coarse = self._spaces[0], (scaling.T * _scaling(self.mesh.L)).T
+        known = space.evaluate(coarse, space.interpolation_points)
         for level, (indices, detail) in enumerate(zip(self.mesh.active, details, strict=True)):
             finer = self._spaces[level + 1]
-            points = finer.interpolation_points
-            values = space.evaluate(coarse, points)
-            quarter = 1.0 / (16 * (self.mesh.L << level))
-            where = np.searchsorted(points, self._points(level, indices) - quarter)
-            values[where] += _multiply_banded(_values_at_points(self.mesh.L << level, indices), detail)
-            space, coarse = finer, finer.interpolate(values)
+            points, places = finer.interpolation_points, self._points(level, indices)
+            new = np.searchsorted(points, places - 1.0 / (16 * (self.mesh.L << level)))
+            # Values that are known stay as they are: taken from the coarse spline anew, they would round
+            # from level to level.
+            values = np.insert(known, new - np.arange(new.size), 0.0, axis=0)
+            values[new] = space.evaluate(coarse, places) + _multiply_banded(
+                _values_at_points(self.mesh.L << level, indices), detail
+            )
+            space, coarse, known = finer, finer.interpolate(values), values
         return coarse
 
     def _points(self, level: int, indices: Indices) -> Array:

@@ -2,8 +2,9 @@
 
 Between two breakpoints a curve x(t) leaves the residual r = f(x, u, t) - x'. The state that starts on the
 curve at the left end leaves it by d with d' = f(x + d, u, t) - x'; two steps of Picard's iteration from d = 0
-on the Gauss points of the arc give it to the second order in the residual, through the couplings of the
-model. The control is clipped to its bounds, as it would be flown.
+on the Gauss points of the arc give it to the second order in the length of the arc. Where these do not
+settle the arc is long for the model, and an implicit rule follows the drift. The control is clipped to its
+bounds, as it would be flown.
 """
 
 from __future__ import annotations
@@ -22,11 +23,15 @@ from solvers.bases.legendre import (
 )
 from solvers.problem import OptimalControlProblem
 from solvers.trajectory import Trajectory
+from solvers.verify import MEANINGFUL_GROWTH, SMALLEST_SCALE
 
 Vector = NDArray[np.float64]
 
-SMALLEST_SCALE = 1e-6
-_POINTS = 4
+_POINTS = 5
+# Picard's second step may change the first by this part of the drift, or by so little, else the arc is long.
+_CONTRACTS = 0.5
+_NEGLIGIBLE = 1e-3
+_STEPS = 16
 
 
 @dataclass(frozen=True)
@@ -34,11 +39,12 @@ class ArcErrors:
     """Errors on the K arcs between ``breaks`` (K + 1), relative to the scale of each quantity.
 
     ``states`` (n, K): largest distance of each state from the solution that starts at the left end of the
-    arc; ``bounds`` (K,) and ``path`` (K,): largest violation of a bound and of a path constraint inside.
+    arc; ``ends`` (n, K): that distance at the right end, with its sign; ``bounds`` (K,) and ``path`` (K,):
+    largest violation of a bound and of a path constraint inside.
     """
 
-    breaks: Vector
     states: Vector
+    ends: Vector
     bounds: Vector
     path: Vector
 
@@ -55,24 +61,23 @@ def arc_errors(problem: OptimalControlProblem, trajectory: Trajectory) -> ArcErr
     widths = np.diff(breaks)
     tau = breaks[:-1, None] + widths[:, None] * points
     shape = (-1, *tau.shape)
-    states, promised = trajectory.states_at(tau.ravel()), trajectory.rates_at(tau.ravel())
-    controls = trajectory.controls_at(tau.ravel())
-    limits = np.array(problem.control_bounds, np.float64).reshape(-1, 2)
-    flown = np.clip(controls, limits[:, :1], limits[:, 1:])
-    scale = _scale(states)
-    drift = np.zeros_like(states).reshape(shape)
+    states, controls = trajectory.states_at(tau.ravel()), trajectory.controls_at(tau.ravel())
+    scale, limits = _scale(states), _control_limits(problem)
+    drift = np.zeros(states.shape)
+    moves = []
     with np.errstate(all="ignore"):
         for _ in range(2):
-            scope = problem.scope(
-                states + drift.reshape(states.shape), flown, trajectory.time(tau.ravel()), problem.parameters
-            )
-            rates = problem.dynamics.rate(scope, NUMPY)
-            gap = np.array(np.broadcast_arrays(*rates, tau.ravel())[:-1]) - promised
-            moved = trajectory.duration * widths[:, None] * (gap.reshape(shape) @ integral.T)
-            drift = moved[..., :-1]
-        errors = np.abs(moved).max(axis=-1) / scale[:, None]
-        scope = problem.scope(states, flown, trajectory.time(tau.ravel()), problem.parameters)
+            gap = _gap(problem, trajectory, tau.ravel(), drift).reshape(shape)
+            moves.append(trajectory.duration * widths[:, None] * (gap @ integral.T) / scale[:, None, None])
+            drift = (moves[-1][..., :-1] * scale[:, None, None]).reshape(states.shape)
+        largest, ends = np.abs(moves[1]).max(axis=-1), moves[1][..., -1]
+        change = np.abs(moves[1] - moves[0]).max(axis=(0, 2))
+        long = ~(change <= np.maximum(_CONTRACTS * largest.max(axis=0), _NEGLIGIBLE))
+        if long.any():
+            largest[:, long], ends[:, long] = _followed(problem, trajectory, np.flatnonzero(long), scale)
         path = np.zeros(tau.size)
+        flown = np.clip(controls, limits[:, :1], limits[:, 1:])
+        scope = problem.scope(states, flown, trajectory.time(tau.ravel()), problem.parameters)
         for constraint in problem.path:
             values = np.broadcast_to(constraint.expression.evaluate(scope, NUMPY.functions), tau.size)
             path = np.maximum(path, _outside(values[None], np.array([constraint.interval])))
@@ -81,7 +86,7 @@ def arc_errors(problem: OptimalControlProblem, trajectory: Trajectory) -> ArcErr
         _outside(controls, limits) if controls.size else 0.0,
     )
     return ArcErrors(
-        breaks, errors, bounds.reshape(tau.shape).max(axis=1), path.reshape(tau.shape).max(axis=1)
+        largest, ends, bounds.reshape(tau.shape).max(axis=1), path.reshape(tau.shape).max(axis=1)
     )
 
 
@@ -89,6 +94,81 @@ def mesh_error_estimate(problem: OptimalControlProblem, trajectory: Trajectory) 
     """The largest relative error of a state on an arc; None where the model has no finite rate."""
     largest = float(arc_errors(problem, trajectory).states.max())
     return largest if np.isfinite(largest) else None
+
+
+def flight_error(problem: OptimalControlProblem, trajectory: Trajectory, errors: ArcErrors) -> float | None:
+    """The relative error at the end of the flight over all arcs, to first order in the errors of the arcs.
+
+    None where it is meaningless: errors grow beyond measure on the way.
+    """
+    breaks = trajectory.breakpoints
+    widths = np.diff(breaks)
+    scale = _scale(trajectory.states_at(breaks))
+    n = scale.size
+    with np.errstate(all="ignore"):
+        slopes = _slopes(
+            problem, trajectory, (breaks[1:] + breaks[:-1]) / 2.0, np.zeros((n, widths.size)), scale
+        )
+    if not np.isfinite(slopes).all():
+        return None
+    half = slopes * (trajectory.duration * widths / 2.0)[:, None, None]
+    unit = np.eye(n)
+    transitions = np.linalg.solve(unit - half, unit + half)
+    error, to_end = np.zeros(n), unit
+    for transition, miss in zip(transitions[::-1], errors.ends.T[::-1], strict=True):
+        error = error + to_end @ miss
+        to_end = to_end @ transition
+        if not np.max(np.abs(to_end)) < MEANINGFUL_GROWTH:
+            return None
+    return float(np.max(np.abs(error)))
+
+
+def _gap(problem: OptimalControlProblem, trajectory: Trajectory, tau: Vector, drift: Vector) -> Vector:
+    """f(x + d, u, t) - x' for drifts d (n, K) at K normalised times, with the control as flown."""
+    limits = _control_limits(problem)
+    controls = np.clip(trajectory.controls_at(tau), limits[:, :1], limits[:, 1:])
+    rates = problem.rate(
+        trajectory.states_at(tau) + drift, controls, trajectory.time(tau), problem.parameters, NUMPY
+    )
+    return np.array(np.broadcast_arrays(*rates, tau)[:-1]) - trajectory.rates_at(tau)
+
+
+def _slopes(
+    problem: OptimalControlProblem, trajectory: Trajectory, tau: Vector, drift: Vector, scale: Vector
+) -> Vector:
+    """df/dx at K points x + d by central differences, in scaled states, (K, n, n)."""
+    columns = []
+    for index, size in enumerate(scale):
+        step = np.zeros((scale.size, 1))
+        step[index] = 1e-6 * size
+        ahead, behind = (_gap(problem, trajectory, tau, drift + side * step) for side in (1.0, -1.0))
+        columns.append((ahead - behind) / (2e-6 * scale[:, None]))
+    return np.moveaxis(np.array(columns), -1, 0).swapaxes(1, 2)
+
+
+def _followed(
+    problem: OptimalControlProblem, trajectory: Trajectory, arcs: NDArray[np.intp], scale: Vector
+) -> tuple[Vector, Vector]:
+    """Largest drift and that at the end, (n, K), of arcs that are long for the model, where Picard diverges.
+
+    By the linearly implicit Euler rule, which stays near a stable motion however long its steps are.
+    """
+    left, width = trajectory.breakpoints[arcs], np.diff(trajectory.breakpoints)[arcs]
+    step = trajectory.duration * width / _STEPS
+    drift = largest = np.zeros((scale.size, arcs.size))
+    unit = np.eye(scale.size)
+    for index in range(_STEPS):
+        tau = left + width * (index + 0.5) / _STEPS
+        slopes = np.nan_to_num(_slopes(problem, trajectory, tau, drift, scale), posinf=0.0, neginf=0.0)
+        gap = _gap(problem, trajectory, tau, drift) / scale[:, None]
+        system = unit - step[:, None, None] * slopes
+        drift = drift + scale[:, None] * np.linalg.solve(system, (step * gap).T[..., None])[..., 0].T
+        largest = np.maximum(largest, np.abs(drift / scale[:, None]))
+    return largest, drift / scale[:, None]
+
+
+def _control_limits(problem: OptimalControlProblem) -> Vector:
+    return np.array(problem.control_bounds, np.float64).reshape(-1, 2)
 
 
 def _outside(values: Vector, bounds: Vector) -> Vector:

@@ -13,6 +13,7 @@ from solvers.spec.methods import (
     GaussPseudospectralMethod,
     HermiteSimpsonMethod,
     Method,
+    SplineAdaptivity,
     SplineWaveletMethod,
 )
 from solvers.spec.models import FirstOrderModel, LibraryReference, MechanicalModel
@@ -49,6 +50,7 @@ __all__ = [
     "PathConstraint",
     "ProblemSpec",
     "Resolution",
+    "SplineAdaptivity",
     "SplineWaveletMethod",
     "Value",
     "Verification",

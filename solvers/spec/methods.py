@@ -9,7 +9,7 @@ from pydantic import model_validator
 from solvers.expressions import quoted
 from solvers.spec.base import SpecModel
 from solvers.spec.faults import kind_of, refuse
-from solvers.spec.fields import Check, Count, Real, Unsupported
+from solvers.spec.fields import Check, Count, Real
 from solvers.spec.scope import Scope
 
 MAX_NODES = 65_539
@@ -41,7 +41,22 @@ class RefineCheck(Check):
         return {"enum": ["switching", None]}
 
 
-Adaptive = Annotated[None, Unsupported("adaptive meshes are")]
+class Adaptivity(SpecModel):
+    """A mesh that is refined until the error is within the tolerance."""
+
+    tolerance: Annotated[float, Real(above=0, limit=1)] = 1e-8
+    """Error to be reached, relative to each quantity's scale; also the verification tolerance."""
+
+
+class SplineAdaptivity(Adaptivity):
+    """A set of active wavelets that follows the error."""
+
+    tolerance: Annotated[float, Real(above=0, limit=1)] = 1e-6
+    """Error to be reached, relative to each quantity's scale; also the verification tolerance."""
+    max_level: Annotated[int, Count(0, 20, "levels")] = 10
+    """Highest level of a wavelet: the finest step is that of 2^max_level L intervals."""
+
+
 Refine = Annotated[Literal["switching"] | None, RefineCheck()]
 
 
@@ -53,7 +68,16 @@ class MethodModel(SpecModel):
     @property
     def verification_tolerance(self) -> float:
         """Verification tolerance unless a document gives one, relative to each quantity's scale."""
+        adaptivity = self.adaptivity
+        if adaptivity is not None:
+            return adaptivity.tolerance
         return MESH_TOLERANCE if self.refinement is None else REFINED_TOLERANCE
+
+    @property
+    def adaptivity(self) -> Adaptivity | None:
+        """How the mesh adapts; None for a mesh that is given."""
+        found: Adaptivity | None = getattr(self, "adaptive", None)
+        return found
 
     @property
     def refinement(self) -> str | None:
@@ -74,7 +98,7 @@ class AutoMethod(MethodModel):
 
 
 class SplineWaveletMethod(MethodModel):
-    """Spline wavelet collocation on N = 2^J L + 3 points."""
+    """Spline wavelet collocation on N = 2^J L + 3 points, or on graded knots that start from these."""
 
     title = "Spline wavelet collocation (SWCM)"
 
@@ -84,10 +108,15 @@ class SplineWaveletMethod(MethodModel):
     """Length of the coarsest grid in intervals; greater than 4."""
     J: Annotated[int, Count(0, 16, "levels: more than 65,539 nodes")] = 4
     """Resolution level: every level doubles the number of intervals."""
-    adaptive: Adaptive = None
-    """Adaptive refinement; not in this version."""
+    adaptive: SplineAdaptivity | None = None
+    """How the mesh is refined, from level J (at most max_level) on; null keeps it."""
     refine: Refine = None
     """Whether to refine the answer to its true arcs, with the switching times as unknowns."""
+
+    @property
+    def first_level(self) -> int:
+        """The level of the mesh that is solved first: J, or less where it may not be so fine."""
+        return self.J if self.adaptive is None else min(self.J, self.adaptive.max_level)
 
     @property
     def points(self) -> int:
@@ -113,8 +142,8 @@ class GaussPseudospectralMethod(MethodModel):
     """Legendre-Gauss points in each segment, ends not counted."""
     segments: Annotated[int, Count(1, MAX_GAUSS_NODES, "segments")] = 1
     """Number of segments."""
-    adaptive: Adaptive = None
-    """Adaptive refinement; not in this version."""
+    adaptive: Adaptivity | None = None
+    """How segments and nodes are refined; null keeps them."""
     refine: Refine = None
     """Whether to refine the answer to its true arcs, with the switching times as unknowns."""
 
@@ -136,8 +165,8 @@ class HermiteSimpsonMethod(MethodModel):
     """The method."""
     intervals: Annotated[int, Count(1, (MAX_NODES - 1) // 2, "intervals: more than 65,539 nodes")] = 60
     """Number of intervals; each brings its end and its middle as points."""
-    adaptive: Adaptive = None
-    """Adaptive refinement; not in this version."""
+    adaptive: Adaptivity | None = None
+    """How intervals are refined; null keeps them."""
     refine: Refine = None
     """Whether to refine the answer to its true arcs, with the switching times as unknowns."""
 

@@ -13,7 +13,7 @@ from solvers.expressions import quoted
 from solvers.spec.base import SpecModel
 from solvers.spec.faults import Path, kind_of, pointer
 from solvers.spec.job import JobSpec, Options, Output, Verification
-from solvers.spec.methods import METHODS
+from solvers.spec.methods import METHODS, SplineAdaptivity
 from solvers.spec.models import FirstOrderModel, LibraryReference, MechanicalModel
 from solvers.spec.problem import BoundaryConstraint, Guess, Objective, PathConstraint, ProblemSpec
 from solvers.spec.scope import Scope
@@ -35,6 +35,7 @@ _OBJECTS: dict[str, type[SpecModel]] = {
     "options": Options,
     "verification": Verification,
     "output": Output,
+    "adaptive": SplineAdaptivity,
 }
 _LATER = {"ga", "piecewise", "modal"}
 

@@ -12,6 +12,11 @@ the ends and the midpoints of the intervals for equations of first order. Contro
 values there are the unknowns, with simple bounds; between them the control is linear, as the second
 derivative of a cubic spline is.
 
+On graded knots the weights of the collocation points are exact for the splines x' alone, not for their
+products with the costate, and controls beside a change of the step would err by a part of the step. So where
+an adaptive mesh meets a running cost and controls without bounds, these are quadratic splines like x', with
+their B-spline coefficients as unknowns, and the cost is integrated by Gauss points on each interval.
+
 Source: Zhang, Feng, Tang, Macdonald, "A spline wavelet collocation method for the optimal control of flexible
 spacecraft", Proc. IMechE Part G, 2014, doi 10.1177/0954410014528885, eqs. 36-52.
 """
@@ -25,13 +30,16 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
+from scipy.interpolate import BSpline
 
 from solvers.backends import NUMPY
+from solvers.bases.banded import solve_banded_system
 from solvers.bases.graded import GradedKnots
+from solvers.bases.legendre import legendre_gauss
 from solvers.coefficients import SPLINE_WAVELET
 from solvers.costates import second_order_costates
 from solvers.curves import Curve, DerivativeCurve, LinearCurve, SplineCurve
-from solvers.problem import MechanicalDynamics
+from solvers.problem import Interval, MechanicalDynamics
 from solvers.scaling import nearest_power_of_two
 from solvers.symbolic import CASADI
 from solvers.trajectory import Trajectory
@@ -39,6 +47,8 @@ from solvers.transcription.base import Instants, NodeSymbols, Transcription, con
 from solvers.transcription.builder import fixed
 
 Vector = NDArray[np.float64]
+
+_COST_POINTS = 3
 
 
 @dataclass
@@ -54,6 +64,12 @@ class SplineWavelet(Transcription):
         self._splines = len(self.problem.states) if self._mechanical is None else self._mechanical.coordinates
         self.space = self.knots.space
         self.points = self.space.greville(1 if self._mechanical is None else 2)
+        self._smooth_controls = (
+            self.adaptive
+            and self._mechanical is None
+            and self.problem.running_cost is not None
+            and not np.isfinite(self.problem.control_bounds).any()
+        )
 
     @property
     def per_tau(self) -> Collection[int]:
@@ -62,9 +78,9 @@ class SplineWavelet(Transcription):
 
     @property
     def mesh(self) -> Hashable:
-        """The knots, and the scales of the equations of motion, which are numbers of the model."""
+        """The knots, how controls stand in the unknowns, and the scales of the equations of motion."""
         scale = () if self._mechanical is None else tuple(self._residual_scale())
-        return tuple(self.space.knots), scale
+        return tuple(self.space.knots), self._smooth_controls, scale
 
     def allocate(self) -> None:
         """See :class:`Transcription`."""
@@ -79,7 +95,7 @@ class SplineWavelet(Transcription):
             "controls",
             (len(self.problem.controls), self.points.size),
             scale=self.scaling.controls,
-            initial=lambda this: this.start.controls_at(this.points),
+            initial=lambda this: this.start_controls(),
             bounds=control_columns,
         )
 
@@ -87,6 +103,13 @@ class SplineWavelet(Transcription):
         """Coefficients of the splines through the start, one row each; exact where it is a coarser spline."""
         states = self.start.states_at(self.space.interpolation_points)
         return self.space.interpolate(states[: self._splines].T).T
+
+    def start_controls(self) -> Vector:
+        """The unknowns of the controls at the start, one row each."""
+        values = self.start.controls_at(self.points)
+        if not self._smooth_controls:
+            return values
+        return solve_banded_system(_quadratic_splines(self.space.knots, self.points), values.T).T
 
     def nodes(self) -> Instants:
         """The knots."""
@@ -101,9 +124,13 @@ class SplineWavelet(Transcription):
 
         The latter satisfy w D1 = e(tf) - e(t0).
         """
+        knots = self.space.knots
+        if self._smooth_controls:
+            inside, shares = legendre_gauss(_COST_POINTS)
+            tau = knots[:-1, None] + np.diff(knots)[:, None] * (inside + 1.0) / 2.0
+            return self._instants(tau.ravel()), (np.diff(knots)[:, None] * shares / 2.0).ravel()
         if self._mechanical is None:
             return self._at_points, self.space.quadrature_weights(1)
-        knots = self.space.knots
         points = np.empty(2 * knots.size - 1)
         points[::2], points[1::2] = knots, (knots[1:] + knots[:-1]) / 2
         widths = np.diff(knots)
@@ -140,9 +167,11 @@ class SplineWavelet(Transcription):
         velocities: list[Curve] = [
             DerivativeCurve(splines[i - self._splines], 1.0 / (tf - t0)) for i in self.per_tau
         ]
+        at_points = self._control_rows(self.points)
+        values = [at_points @ unknowns[block.start : block.stop] for block in self.builder.blocks["controls"]]
         controls = [
-            LinearCurve(self.points, unknowns[block.start : block.stop])
-            for block in self.builder.blocks["controls"]
+            LinearCurve(self.points, self._as_flown(row, bounds))
+            for row, bounds in zip(values, self.problem.control_bounds, strict=True)
         ]
         return Trajectory(
             t0,
@@ -160,6 +189,27 @@ class SplineWavelet(Transcription):
             breakpoints=np.union1d(self.points, self.space.knots),
             nodes=self.points,
         )
+
+    def _as_flown(self, values: Vector, bounds: Interval) -> Vector:
+        """Values between which a control is linear, from those at the points where the dynamics hold.
+
+        On an adaptive mesh for equations of first order: the straight lines that come nearest in the mean to
+        the quadratic spline through the values. Lines through the values themselves would err to one side
+        wherever the control is curved, which adds up over a flight. A control that rests on a bound stays.
+        """
+        smooth = self.adaptive and self._mechanical is None
+        if not smooth or not np.all((values > bounds[0]) & (values < bounds[1])):
+            return values
+        space = self.space.knots
+        coefficients = solve_banded_system(_quadratic_splines(space, self.points), values)
+        breaks = np.union1d(self.points, space)
+        inside, shares = legendre_gauss(_COST_POINTS)
+        tau = (breaks[:-1, None] + np.diff(breaks)[:, None] * (inside + 1.0) / 2.0).ravel()
+        weights = sparse.diags_array((np.diff(breaks)[:, None] * shares / 2.0).ravel())
+        hats = _hat_functions(self.points, tau)
+        wanted = hats.T @ (weights @ (_quadratic_splines(space, tau) @ coefficients))
+        flown = solve_banded_system(sparse.csr_array(hats.T @ weights @ hats), wanted)
+        return flown if np.all((flown >= bounds[0]) & (flown <= bounds[1])) else values
 
     def costates(self, trajectory: Trajectory, row_multipliers: Vector) -> Vector:
         """See :class:`Transcription`; second order: from the multipliers mu of the equations of motion.
@@ -185,10 +235,16 @@ class SplineWavelet(Transcription):
         states = self._spline_rows(tau, 0)
         if self._mechanical is not None:
             states += self._spline_rows(tau, 1)
-        hats = _hat_functions(self.points, tau)
+        rows = self._control_rows(tau)
         return Instants(
-            tau, states, [self.builder.rows_of(block, hats) for block in self.builder.blocks["controls"]]
+            tau, states, [self.builder.rows_of(block, rows) for block in self.builder.blocks["controls"]]
         )
+
+    def _control_rows(self, tau: Vector) -> sparse.csr_array:
+        """Rows of the value of a control."""
+        if self._smooth_controls:
+            return _quadratic_splines(self.space.knots, tau)
+        return _hat_functions(self.points, tau)
 
     def _spline_rows(self, tau: Vector, derivative: int) -> list[sparse.csr_array]:
         """Rows of the derivative of each spline with respect to tau."""
@@ -212,6 +268,12 @@ class SplineWavelet(Transcription):
         inertial = np.abs(np.column_stack(columns)) * self.scaling.states[: self._splines]
         duration = guess.tf - guess.t0
         return np.array([nearest_power_of_two(size) for size in inertial.max(axis=1) / duration**2])
+
+
+def _quadratic_splines(knots: Vector, tau: Vector) -> sparse.csr_array:
+    """Rows of the B-splines of degree 2 on ``knots``."""
+    clamped = np.concatenate([np.zeros(2), knots, np.ones(2)])
+    return sparse.csr_array(BSpline.design_matrix(tau, clamped, 2))
 
 
 def _hat_functions(points: Vector, tau: Vector) -> sparse.csr_array:

@@ -331,8 +331,6 @@ def test_too_many_states_and_controls() -> None:
 UNSUPPORTED: list[tuple[dict[str, Any], str]] = [
     ({"/method": {"name": "ga", "population": 48}}, "/method/name"),
     ({"/method": {"name": "piecewise"}}, "/method/name"),
-    ({"/method/adaptive": {"tolerance": 1e-6}}, "/method/adaptive"),
-    ({"/method": {"name": "gpm", "adaptive": {"tolerance": 1e-8}}}, "/method/adaptive"),
     ({f"{MODEL}/kind": "modal"}, f"{MODEL}/kind"),
     ({f"{MODEL}/definitions": {"c": "cos(alpha)"}, f"{MODEL}/mass/0/1": "c"}, f"{MODEL}/definitions"),
     ({f"{MODEL}/flexible": ["alpha"]}, f"{MODEL}/flexible"),
@@ -387,7 +385,7 @@ def test_what_asks_for_nothing_is_no_fault() -> None:
         "/problem/integrals": [],
         "/problem/control_rates": {},
         f"{MODEL}/definitions": {},
-        "/method/adaptive": False,
+        "/method/adaptive": None,
         "/method/refine": None,
         "/reuse": False,
         "/priority": "normal",

@@ -1,0 +1,133 @@
+"""The adaptive mesh of the Gauss pseudospectral method: segments, and nodes on each (hp).
+
+On a segment whose error is too large, the coefficients of the states in Legendre polynomials tell what
+helps. Where they fall fast the solution is smooth, and each node more divides the error by the same factor:
+as many are added as the decay promises to be enough. Where they do not, or there would be too many, the
+segment is cut. Neighbours whose error is far below the target are joined.
+
+Sources: M. A. Patterson, W. W. Hager, A. V. Rao, A ph mesh refinement method for optimal control, Optim.
+Control Appl. Meth. 36, 2015, 398-421; F. Liu, W. W. Hager, A. V. Rao, Adaptive mesh refinement method for
+optimal control using decay rates of Legendre polynomial coefficients, IEEE Trans. Control Syst. Technol. 26,
+2018, 1475-1483.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.polynomial.legendre import legvander
+from numpy.typing import NDArray
+
+from solvers.bases.legendre import legendre_gauss
+from solvers.guess import Start
+from solvers.problem import OptimalControlProblem
+from solvers.refine.adaptive import MeshLimit
+from solvers.refine.adaptive_splines import largest_inside
+from solvers.scaling import Scaling
+from solvers.trajectory import Trajectory
+from solvers.transcription.gauss_pseudospectral import GaussPseudospectral
+
+Vector = NDArray[np.float64]
+
+MAX_NODES = 8_192
+"""The largest number of nodes of all segments together."""
+
+_FEWEST_NODES = 6
+_MOST_NODES = 24
+_MOST_PIECES = 4
+# Decades by which the coefficients must fall from degree to degree for a solution to count as smooth.
+_SMOOTH = 0.25
+_FLAT = 1e-3
+_SHORTEST_SEGMENT = 1e-9
+
+
+@dataclass(frozen=True)
+class GaussMesh:
+    """Segments between normalised ``breaks``, with ``counts`` nodes each."""
+
+    breaks: Vector
+    counts: tuple[int, ...]
+
+    def transcription(
+        self, problem: OptimalControlProblem, scaling: Scaling, start: Start
+    ) -> GaussPseudospectral:
+        """See :class:`~solvers.refine.adaptive.AdaptiveMesh`."""
+        return GaussPseudospectral(problem, scaling, start, self.breaks, self.counts)
+
+    @property
+    def summary(self) -> dict[str, int]:
+        """How many segments and nodes there are."""
+        return {"segments": len(self.counts), "nodes": sum(self.counts)}
+
+    def refined(self, trajectory: Trajectory, errors: Vector, target: float) -> GaussMesh:
+        """See :class:`~solvers.refine.adaptive.AdaptiveMesh`."""
+        worst = largest_inside(self.breaks, trajectory.breakpoints, errors)
+        pieces = [
+            piece
+            for start, stop, count, error in zip(
+                self.breaks[:-1], self.breaks[1:], self.counts, worst, strict=True
+            )
+            for piece in _pieces(trajectory, (start, stop), count, error / target)
+        ]
+        ends, counts, _ = zip(*_joined(pieces), strict=True)
+        finer = GaussMesh(np.concatenate([[0.0], ends]), counts)
+        if sum(counts) > MAX_NODES:
+            raise MeshLimit(f"more than {MAX_NODES:,} nodes would be needed")
+        if np.min(np.diff(finer.breaks)) < _SHORTEST_SEGMENT:
+            raise MeshLimit("segments would be shorter than a billionth of the horizon")
+        return finer
+
+
+_Piece = tuple[float, int, bool]
+"""Where a segment ends, its nodes, and whether its error is negligible."""
+
+
+def _pieces(trajectory: Trajectory, span: tuple[float, float], count: int, excess: float) -> list[_Piece]:
+    """What becomes of a segment whose error is ``excess`` times the target."""
+    start, stop = span
+    if excess <= 1.0:
+        return [(stop, count, excess < _FLAT)]
+    decay = _decay(trajectory, start, stop, count)
+    decades = np.log10(excess) + 0.3
+    if decay >= _SMOOTH and np.isfinite(decades):
+        wanted = count + max(1, int(np.ceil(decades / decay)))
+        if wanted <= _MOST_NODES:
+            return [(stop, wanted, False)]
+    # Halving h on K nodes divides the error by about 2^K: cut more often where that is not enough.
+    number = 2 if np.isfinite(decades) and decades < 0.3 * count else _MOST_PIECES
+    nodes = int(np.clip(count, _FEWEST_NODES, _MOST_NODES // 2))
+    return [(end, nodes, False) for end in start + (stop - start) * np.arange(1, number + 1) / number]
+
+
+def _joined(pieces: list[_Piece]) -> Iterator[_Piece]:
+    """Pairs of neighbouring segments whose errors are negligible become one, with the nodes of the richer."""
+    pending: _Piece | None = None
+    for piece in pieces:
+        if pending is not None and pending[2] and piece[2]:
+            yield piece[0], max(pending[1], piece[1]), True
+            pending = None
+            continue
+        if pending is not None:
+            yield pending
+        pending = piece
+    if pending is not None:
+        yield pending
+
+
+def _decay(trajectory: Trajectory, start: float, stop: float, count: int) -> float:
+    """Decades from degree to degree by which the Legendre coefficients of the states fall on a segment.
+
+    The slope of a line through the logarithms of the upper half of the coefficients, the largest at each
+    degree over the states in their scales.
+    """
+    points, weights = legendre_gauss(count + 1)
+    tau = start + (stop - start) * (points + 1.0) / 2.0
+    values = trajectory.states_at(tau)
+    scale = np.maximum(1e-6, np.abs(trajectory.states_at(trajectory.nodes)).max(axis=1))
+    degrees = np.arange(count + 1)
+    coefficients = (values / scale[:, None] * weights) @ legvander(points, count) * (degrees + 0.5)
+    size = np.log10(np.maximum(np.abs(coefficients).max(axis=0), 1e-16))
+    upper = degrees >= min(count // 2, count - 2)
+    return float(-np.polyfit(degrees[upper], size[upper], 1)[0]) if np.count_nonzero(upper) > 1 else 0.0

@@ -1,0 +1,89 @@
+"""The adaptive mesh of Hermite-Simpson collocation: intervals cut where the error is too large.
+
+The residual of a cubic leaves an error of the fifth order in the step, so that the number of pieces that an
+interval needs follows from its error; equal neighbours whose error is far below the target are joined.
+
+Source: J. T. Betts, Practical Methods for Optimal Control and Estimation Using Nonlinear Programming, 2nd
+ed., SIAM 2010, section 4.7 (error from the integral of the residual; at most so many pieces at once).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from solvers.guess import Start
+from solvers.problem import OptimalControlProblem
+from solvers.refine.adaptive import MeshLimit
+from solvers.refine.adaptive_splines import largest_inside
+from solvers.scaling import Scaling
+from solvers.trajectory import Trajectory
+from solvers.transcription.hermite_simpson import HermiteSimpson
+
+Vector = NDArray[np.float64]
+
+MAX_INTERVALS = 10_000
+"""Both the ends and the middles of the intervals are nodes, of which 20,000 may be active."""
+
+_ORDER = 5.0
+_SAFE = 0.7
+_MOST_PIECES = 5
+_JOIN = 2.0**-8
+_SHORTEST_INTERVAL = 1e-9
+
+
+@dataclass(frozen=True)
+class IntervalMesh:
+    """Intervals between normalised ``knots``."""
+
+    knots: Vector
+
+    def transcription(self, problem: OptimalControlProblem, scaling: Scaling, start: Start) -> HermiteSimpson:
+        """See :class:`~solvers.refine.adaptive.AdaptiveMesh`."""
+        return HermiteSimpson(problem, scaling, start, self.knots)
+
+    @property
+    def summary(self) -> dict[str, int]:
+        """How many intervals there are."""
+        return {"intervals": self.knots.size - 1}
+
+    def refined(self, trajectory: Trajectory, errors: Vector, target: float) -> IntervalMesh:
+        """See :class:`~solvers.refine.adaptive.AdaptiveMesh`."""
+        worst = largest_inside(self.knots, trajectory.breakpoints, errors)
+        number = np.ceil((worst / (_SAFE * target)) ** (1.0 / _ORDER))
+        pieces = np.where(worst > target, np.clip(number, 2, _MOST_PIECES), 1).astype(np.int64)
+        widths = np.diff(self.knots)
+        # A piece next to a much wider one would see it as a jump: let widths grow by a factor 4 at most.
+        while True:
+            step = widths / pieces
+            beside = np.minimum(np.append(step[1:], np.inf), np.append(np.inf, step[:-1]))
+            uneven = step > 4.0 * beside * (1.0 + 1e-9)
+            if not uneven.any():
+                break
+            pieces = pieces + uneven
+        cuts = [
+            start + width * np.arange(count) / count
+            for start, width, count in zip(self.knots[:-1], widths, pieces, strict=True)
+        ]
+        knots = np.append(np.concatenate(cuts), 1.0)
+        keep = np.ones(knots.size, bool)
+        starts = np.cumsum(pieces) - pieces
+        keep[starts[_superfluous(widths, worst < _JOIN * target)]] = False
+        knots = knots[keep]
+        if knots.size > MAX_INTERVALS + 1:
+            raise MeshLimit(f"more than {MAX_INTERVALS:,} intervals would be needed")
+        if np.min(np.diff(knots)) < _SHORTEST_INTERVAL:
+            raise MeshLimit("intervals would be shorter than a billionth of the horizon")
+        return IntervalMesh(knots)
+
+
+def _superfluous(widths: Vector, quiet: NDArray[np.bool_]) -> NDArray[np.intp]:
+    """Indices of intervals to be joined to their left neighbour: both quiet, alike in width, in pairs."""
+    found: list[int] = []
+    for index in range(1, widths.size):
+        equal = 0.5 <= widths[index] / widths[index - 1] <= 2.0
+        if quiet[index] and quiet[index - 1] and equal and (not found or found[-1] < index - 1):
+            found.append(index)
+    return np.array(found, np.intp)

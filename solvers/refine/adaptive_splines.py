@@ -1,0 +1,101 @@
+"""The adaptive mesh of the spline wavelet method: graded dyadic knots, whose splits are the active wavelets.
+
+A wavelet becomes active where the residual of the dynamics is too large, and is dropped where that would stay
+far below the target without it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from solvers.bases.graded import GradedKnots
+from solvers.guess import Start
+from solvers.problem import OptimalControlProblem
+from solvers.refine.adaptive import MeshLimit
+from solvers.scaling import Scaling
+from solvers.trajectory import Trajectory
+from solvers.transcription.spline_wavelet import SplineWavelet
+
+Vector = NDArray[np.float64]
+
+MAX_ACTIVE = 20_000
+"""The largest number of active functions of a variable."""
+
+# The error inside a patch of equal intervals falls with this power of the step, beside a change of level and
+# at the ends with the second: the rule of quadrature behind the costates is of first order there.
+_INNER_ORDER = 3.0
+_EDGE_ORDER = 2.0
+_MOST_LEVELS_AT_ONCE = 2
+# Siblings are joined where the error would stay this much below the target, while the mesh is far from done.
+_JOIN = 2.0**-7
+_FAR_FROM_DONE = 30.0
+
+
+@dataclass(frozen=True)
+class SplineMesh:
+    """Knots of levels up to ``max_level``."""
+
+    knots: GradedKnots
+    max_level: int
+
+    def transcription(self, problem: OptimalControlProblem, scaling: Scaling, start: Start) -> SplineWavelet:
+        """See :class:`~solvers.refine.adaptive.AdaptiveMesh`."""
+        return SplineWavelet(problem, scaling, start, self.knots, adaptive=True)
+
+    @property
+    def summary(self) -> dict[str, int | float]:
+        """``levels`` J, ``active`` functions, ``full`` = 2^J L + 3, ``compression`` = active / full."""
+        knots = self.knots
+        return {
+            "levels": knots.finest,
+            "active": knots.dimension,
+            "full": knots.full,
+            "compression": knots.dimension / knots.full,
+        }
+
+    def refined(self, trajectory: Trajectory, errors: Vector, target: float) -> SplineMesh:
+        """See :class:`~solvers.refine.adaptive.AdaptiveMesh`."""
+        levels = self.knots.levels
+        worst = largest_inside(self.knots.knots, trajectory.breakpoints, errors)
+        stuck = (worst > target) & (levels >= self.max_level)
+        if stuck.any():
+            # What cannot be bettered need not be bettered elsewhere either.
+            target = max(target, 0.5 * float(worst[stuck].max()))
+        if not np.any((worst > target) & (levels < self.max_level)):
+            raise MeshLimit(
+                f"max_level = {self.max_level} is reached at {_time_of_worst(trajectory, errors)}"
+            )
+        # A neighbour of a bad interval becomes the next bad one: take it along.
+        beside = np.maximum(np.append(worst[1:], 0.0), np.append(0.0, worst[:-1]))
+        size = np.maximum(worst, 0.5 * beside)
+        with np.errstate(divide="ignore"):
+            deeper = np.ceil(np.log2(size / (0.8 * target)) / self._order)
+        change = np.where(size > 0.5 * target, np.clip(deeper, 1, _MOST_LEVELS_AT_ONCE), 0)
+        if worst.max() > _FAR_FROM_DONE * target:
+            change = np.where(size < _JOIN * target, -1, change)
+        finer = self.knots.adapted(np.clip(levels + change, 0, self.max_level).astype(np.int64))
+        if finer.dimension > MAX_ACTIVE:
+            raise MeshLimit(f"more than {MAX_ACTIVE:,} active functions would be needed")
+        return replace(self, knots=finer)
+
+    @property
+    def _order(self) -> Vector:
+        steps = np.diff(self.knots.levels) != 0
+        edge = np.append(True, steps) | np.append(steps, True)
+        return np.where(edge, _EDGE_ORDER, _INNER_ORDER)
+
+
+def largest_inside(knots: Vector, breaks: Vector, errors: Vector) -> Vector:
+    """For each interval between ``knots`` the largest of the errors between the ``breaks`` inside."""
+    owner = np.searchsorted(knots, (breaks[1:] + breaks[:-1]) / 2.0) - 1
+    largest = np.zeros(knots.size - 1)
+    np.maximum.at(largest, owner, errors)
+    return largest
+
+
+def _time_of_worst(trajectory: Trajectory, errors: Vector) -> str:
+    start = trajectory.breakpoints[[int(np.argmax(errors))]]
+    return f"t = {trajectory.time(start)[0]:.6g}"

@@ -1,0 +1,214 @@
+"""Adaptive meshes on the benchmark cases, against answers that this code did not produce."""
+
+from __future__ import annotations
+
+import copy
+import json
+from typing import Any
+
+import numpy as np
+import pytest
+
+from solvers.catalogue import load_case
+from solvers.solution import Solution
+from solvers.solve import solve
+from solvers.spec import check_document
+from solvers.trajectory import Trajectory
+
+LAYERS = {"name": "swcm", "adaptive": {"tolerance": 1.5e-7, "max_level": 20}}
+
+
+def answer(case: str, method: dict[str, Any], **options: Any) -> tuple[Solution, float]:
+    """The solution of a case, and its distance from the reference, relative."""
+    document = copy.deepcopy(load_case(case))
+    document["method"] = method
+    document.setdefault("options", {}).update(options)
+    solution = solve(check_document(document))
+    reference = document["reference"]["objective"]
+    return solution, abs(solution.objective - reference) / abs(reference)
+
+
+@pytest.fixture(scope="module")
+def layers() -> tuple[Solution, float]:
+    return answer("hypersensitive", LAYERS)
+
+
+def test_boundary_layers_over_ten_thousand_seconds_by_six_hundred_wavelets(
+    layers: tuple[Solution, float],
+) -> None:
+    solution, error = layers
+    assert solution.success
+    assert error <= 1e-8
+    adaptive = solution.method["adaptive"]
+    assert adaptive["active"] <= 600
+    assert adaptive["full"] == 2 ** adaptive["levels"] * 8 + 3
+    assert adaptive["compression"] == adaptive["active"] / adaptive["full"] < 1e-3
+    assert solution.statistics.variables <= 2 * 600 + 2
+    assert solution.verification.tolerances.state_error == 1.5e-7
+    assert solution.verification.tolerances.terminal_error == 1.5e-7
+
+
+def test_most_knots_sit_in_the_layers_and_none_is_wasted_between(layers: tuple[Solution, float]) -> None:
+    trajectory = layers[0].trajectory
+    times = trajectory.time(trajectory.nodes)
+    assert np.count_nonzero((times > 50) & (times < 9950)) < 60
+
+
+@pytest.mark.parametrize(
+    "method",
+    [
+        {"name": "swcm", "J": 4},
+        {"name": "swcm", "J": 8},
+        {"name": "gpm", "nodes": 40},
+        {"name": "hermite_simpson", "intervals": 1000},
+    ],
+)
+def test_a_mesh_that_does_not_see_the_layers_is_never_called_an_answer(method: dict[str, Any]) -> None:
+    solution, error = answer("hypersensitive", method)
+    assert error > 0.1
+    assert not solution.success
+    assert solution.status.value == "unverified"
+    # The estimate knows it too, from the residual alone.
+    estimate, true = solution.verification.mesh_error_estimate, solution.verification.max_state_error
+    assert estimate is not None
+    assert true is not None
+    assert 0.1 < true / estimate < 10
+
+
+def test_too_few_levels_end_with_an_honest_word() -> None:
+    solution, error = answer("hypersensitive", {"name": "swcm", "adaptive": {}})
+    assert error > 1e-3
+    assert solution.status.value == "unverified"
+    assert "max_level = 10 is reached" in solution.message
+    assert solution.warnings[0]["code"] == "tolerance_not_reached"
+    assert solution.warnings[0]["pointer"] == "/method/adaptive"
+    # No control has two bounds here: advice on switches would be none.
+    assert "switching" not in solution.warnings[0]["detail"]
+
+
+@pytest.mark.parametrize(("method", "limit"), [("gpm", 1e-10), ("hermite_simpson", 1e-6)])
+def test_boundary_layers_by_polynomials(method: str, limit: float) -> None:
+    solution, error = answer("hypersensitive", {"name": method, "adaptive": {}})
+    assert solution.success
+    assert error <= limit
+    assert solution.trajectory.nodes.size < 1000
+
+
+SMOOTH = ["brachistochrone", "min_time_orbit_transfer", "van_der_pol", "bryson_denham"]
+
+
+@pytest.mark.parametrize("case", SMOOTH)
+@pytest.mark.parametrize(("method", "limit"), [("swcm", 1e-6), ("gpm", 1e-8), ("hermite_simpson", 1e-8)])
+def test_a_smooth_case_ends_verified_at_the_tolerance_of_its_method(
+    case: str, method: str, limit: float
+) -> None:
+    solution, error = answer(case, {"name": method, "adaptive": {}})
+    assert solution.success
+    assert solution.verification.tolerances.terminal_error == limit
+    assert error <= limit
+    assert solution.warnings == []
+
+
+def test_goddard_by_segments_that_find_the_singular_arc() -> None:
+    solution, error = answer("goddard", {"name": "gpm", "adaptive": {}})
+    assert solution.success
+    assert error <= 1e-8
+
+
+def test_two_masses_refined_until_the_control_gives_nothing_away() -> None:
+    """The flight alone would be content: a slope in the place of a switch costs time, not accuracy."""
+    solution, error = answer("two_mass_spring", {"name": "swcm", "adaptive": {"tolerance": 1e-5}})
+    assert solution.success
+    assert error <= 1e-5
+    plain, error_of_first_mesh = answer("two_mass_spring", {"name": "swcm"})
+    assert plain.verification.max_state_error is not None
+    assert plain.verification.max_state_error < 2e-5
+    assert error_of_first_mesh > 1e-4
+
+
+def test_rigid_body_against_its_closed_form() -> None:
+    solution, error = answer("rigid_body", {"name": "swcm", "adaptive": {}})
+    assert solution.success
+    assert error <= 1e-6
+    # The mesh is fine at the switch alone.
+    assert solution.method["adaptive"]["active"] < 200
+
+
+def test_switches_at_the_finest_level_end_with_advice() -> None:
+    solution, _ = answer("rigid_body", {"name": "swcm", "adaptive": {"tolerance": 1e-6, "max_level": 5}})
+    assert solution.verification.passed
+    (warning,) = solution.warnings
+    assert "max_level = 5 is reached" in warning["detail"]
+    assert "refine: switching" in warning["detail"]
+    assert warning["detail"] in solution.message
+
+
+@pytest.mark.parametrize(
+    ("case", "method"),
+    [
+        ("rigid_body", {"name": "swcm", "L": 7, "J": 2, "adaptive": {"tolerance": 1e-4}}),
+        ("brachistochrone", {"name": "swcm", "J": 2, "adaptive": {"tolerance": 1e-5}}),
+        ("hypersensitive", LAYERS),
+        ("brachistochrone", {"name": "hermite_simpson", "intervals": 5, "adaptive": {}}),
+        ("min_time_orbit_transfer", {"name": "gpm", "adaptive": {}}),
+    ],
+)
+def test_a_stored_result_gives_the_trajectory_back(case: str, method: dict[str, Any]) -> None:
+    solution, _ = answer(case, method)
+    result = json.loads(json.dumps(solution.result(), allow_nan=False))
+    again, first = Trajectory.from_result(result), solution.trajectory
+    tau = np.linspace(0, 1, 997)
+    np.testing.assert_allclose(again.states_at(tau), first.states_at(tau), rtol=0, atol=1e-12)
+    np.testing.assert_allclose(again.controls_at(tau), first.controls_at(tau), rtol=0, atol=1e-12)
+    rates = first.rates_at(tau)
+    np.testing.assert_allclose(again.rates_at(tau), rates, rtol=0, atol=1e-9 * np.abs(rates).max())
+    np.testing.assert_allclose(again.breakpoints, first.breakpoints, rtol=0, atol=1e-15)
+    np.testing.assert_allclose(again.nodes, first.nodes, rtol=0, atol=1e-15)
+
+
+def test_the_result_holds_the_active_wavelets_by_level(layers: tuple[Solution, float]) -> None:
+    result = layers[0].result()
+    basis, adaptive = result["coefficients"]["basis"], result["method"]["adaptive"]
+    assert basis["name"] == "cubic_spline_wavelet"
+    assert basis["J"] == adaptive["levels"] == len(basis["active"])
+    assert basis["order"] == ["V0", *(f"W{level}" for level in range(basis["J"]))]
+    assert 8 + 3 + sum(map(len, basis["active"])) == adaptive["active"]
+    assert len(result["coefficients"]["states"]["x"]) == adaptive["active"]
+    for level, indices in enumerate(basis["active"]):
+        assert indices == sorted(set(indices))
+        assert 0 <= indices[0] <= indices[-1] < 2**level * 8
+
+
+def test_every_mesh_is_told_with_its_error(layers: tuple[Solution, float]) -> None:
+    solution = layers[0]
+    errors = [row["error_estimate"] for row in solution.convergence]
+    nodes = [row["nodes"] for row in solution.convergence]
+    assert len(errors) <= 12
+    assert errors[0] > 0.1
+    assert errors[-1] <= 1.5e-7
+    assert min(np.diff(nodes)) < 0, "knots that are no longer needed are given up"
+    assert all(row["objective"] is not None for row in solution.convergence)
+
+
+def test_progress_of_an_adaptive_solve_never_runs_backwards() -> None:
+    class Recorder:
+        def __init__(self) -> None:
+            self.fractions: list[float] = []
+
+        def report(self, report: Any) -> None:
+            self.fractions.append(report.fraction)
+
+        def cancelled(self) -> bool:
+            return False
+
+    recorder = Recorder()
+    document = {**load_case("two_mass_spring"), "method": {"name": "swcm", "adaptive": {}}}
+    solve(check_document(document), recorder)
+    assert recorder.fractions == sorted(recorder.fractions)
+    assert recorder.fractions[-1] == 1.0
+
+
+def test_a_time_limit_ends_the_refinement() -> None:
+    solution, _ = answer("flexible_spacecraft", {"name": "swcm", "adaptive": {}}, max_seconds=0.3)
+    assert solution.status.value == "time_limit"
+    assert solution.verification.max_state_error is not None

@@ -1,0 +1,205 @@
+"""The estimates that steer adaptive meshes, against integrations and closed forms."""
+
+from __future__ import annotations
+
+import copy
+import time
+from typing import Any
+
+import numpy as np
+import pytest
+
+from solvers.bases.graded import GradedKnots
+from solvers.catalogue import load_case
+from solvers.refine import adaptive_gauss, adaptive_intervals, adaptive_splines
+from solvers.refine.adaptive import MeshLimit
+from solvers.refine.adaptive_gauss import GaussMesh
+from solvers.refine.adaptive_intervals import IntervalMesh
+from solvers.refine.adaptive_optimality import suboptimality
+from solvers.refine.adaptive_splines import SplineMesh
+from solvers.refine.residual import arc_errors, flight_error
+from solvers.solution import Solution
+from solvers.solve import solve
+from solvers.spec import check_document
+from solvers.trajectory import Trajectory
+from solvers.verify import Tolerances, verify
+
+CASES = [
+    "brachistochrone",
+    "bryson_denham",
+    "flexible_spacecraft",
+    "goddard",
+    "min_time_orbit_transfer",
+    "rigid_body",
+    "two_mass_spring",
+    "van_der_pol",
+]
+METHODS = [
+    {"name": "swcm", "J": 3},
+    {"name": "gpm", "nodes": 20},
+    {"name": "hermite_simpson", "intervals": 30},
+]
+
+
+def answer(document: dict[str, Any], **method: Any) -> Solution:
+    return solve(check_document({**copy.deepcopy(document), "method": method}))
+
+
+@pytest.mark.parametrize("case", CASES)
+@pytest.mark.parametrize("method", METHODS, ids=lambda method: str(method["name"]))
+def test_the_estimate_is_the_error_that_the_integration_finds(case: str, method: dict[str, Any]) -> None:
+    verification = answer(load_case(case), **method).verification
+    estimate, true = verification.mesh_error_estimate, verification.max_state_error
+    assert estimate is not None
+    assert true is not None
+    if true < 1e-10:
+        assert estimate <= 1e-8
+    else:
+        assert 0.5 < true / estimate < 2.0
+
+
+def test_the_flight_over_all_arcs_is_estimated_without_flying(oscillator: dict[str, Any]) -> None:
+    for method in ({"name": "swcm", "L": 5, "J": 3}, {"name": "hermite_simpson", "intervals": 16}):
+        solution = answer(oscillator, **method)
+        estimate = flight_error(
+            solution.problem, solution.trajectory, arc_errors(solution.problem, solution.trajectory)
+        )
+        true = solution.verification.terminal_error
+        assert estimate is not None
+        assert true is not None
+        assert estimate == pytest.approx(true, rel=0.1)
+
+
+def test_a_flight_whose_errors_grow_beyond_measure_is_not_estimated(oscillator: dict[str, Any]) -> None:
+    problem = oscillator["problem"]
+    problem["model"]["stiffness"] = [[-1]]
+    problem["final_time"] = 40
+    solution = answer(oscillator, name="swcm", L=5, J=4)
+    errors = arc_errors(solution.problem, solution.trajectory)
+    assert flight_error(solution.problem, solution.trajectory, errors) is None
+
+
+def test_the_gap_of_a_slope_in_the_place_of_a_switch(rigid_body: dict[str, Any]) -> None:
+    """t_f = 2 in closed form, switching function t - 1: the gap is the time that the mesh loses."""
+    lost = []
+    for level in (2, 3, 4, 5):
+        solution = answer(rigid_body, name="swcm", J=level)
+        gap = suboptimality(solution.problem, solution.trajectory, solution.costates)
+        breaks = solution.trajectory.time(solution.trajectory.breakpoints)
+        away = (breaks[1:] < 0.8) | (breaks[:-1] > 1.2)
+        assert gap[away].max() < 1e-6
+        lost.append([solution.objective - 2.0, gap.sum()])
+    loss, gaps = np.transpose(lost)
+    assert np.all((gaps / loss > 0.2) & (gaps / loss < 5.0))
+
+
+def test_without_bounded_controls_there_is_no_gap(regulator: dict[str, Any]) -> None:
+    solution = answer(regulator, name="swcm", J=2)
+    np.testing.assert_array_equal(
+        suboptimality(solution.problem, solution.trajectory, solution.costates), 0.0
+    )
+
+
+def flown(document: dict[str, Any], method: dict[str, Any]) -> tuple[Solution, float]:
+    document = {**document, "method": method, "options": {"tolerance": 1e-12}}
+    solution = solve(check_document(document))
+    verification = verify(solution.problem, solution.trajectory, Tolerances(), time.monotonic() + 20)
+    assert verification.terminal_error is not None
+    return solution, verification.terminal_error
+
+
+def test_straight_lines_that_are_nearest_in_the_mean_do_not_err_to_one_side(
+    regulator: dict[str, Any],
+) -> None:
+    """Lines through the control's own values end off by the square of the step, these by its fourth power."""
+    regulator["problem"]["model"]["dynamics"]["x"] = "u - x^3"
+    plain = [flown(regulator, {"name": "swcm", "L": 5, "J": J})[1] for J in (1, 2, 3)]
+    nearest = [
+        flown(
+            regulator,
+            {"name": "swcm", "L": 5, "J": J, "adaptive": {"tolerance": 1, "max_level": J}},
+        )[1]
+        for J in (1, 2, 3)
+    ]
+    np.testing.assert_allclose(np.log2(np.array(plain[:-1]) / plain[1:]), 2.0, atol=0.2)
+    assert np.all(np.log2(np.array(nearest[:-1]) / nearest[1:]) > 3.5)
+    assert nearest[0] < plain[0] / 10
+
+
+def test_the_objective_converges_with_order_four_where_the_cost_sees_the_control_between_nodes(
+    regulator: dict[str, Any],
+) -> None:
+    exact = np.tanh(1) / 2  # x' = u, integral of (x^2 + u^2) / 2
+    errors = []
+    for J in (0, 1, 2):
+        method = {"name": "swcm", "L": 5, "J": J, "adaptive": {"tolerance": 1, "max_level": J}}
+        errors.append(abs(flown(regulator, method)[0].objective - exact))
+    assert np.all(np.log2(np.array(errors[:-1]) / errors[1:]) > 3.8)
+
+
+@pytest.fixture(scope="module")
+def smooth() -> Trajectory:
+    return answer(load_case("van_der_pol"), name="gpm", nodes=8, segments=2).trajectory
+
+
+@pytest.fixture(scope="module")
+def kinked() -> Trajectory:
+    return answer(load_case("rigid_body"), name="gpm", nodes=8, segments=1).trajectory
+
+
+def test_where_coefficients_fall_fast_nodes_are_added(smooth: Trajectory) -> None:
+    mesh = GaussMesh(np.array([0.0, 0.5, 1.0]), (8, 8))
+    errors = np.where(smooth.breakpoints[:-1] < 0.5, 1e-3, 1e-9)
+    finer = mesh.refined(smooth, errors, 1e-6)
+    np.testing.assert_array_equal(finer.breaks, mesh.breaks)
+    assert finer.counts[0] > 8
+    assert finer.counts[1] == 8
+
+
+def test_where_they_do_not_the_segment_is_cut(kinked: Trajectory) -> None:
+    finer = GaussMesh(np.array([0.0, 1.0]), (8,)).refined(
+        kinked, np.full(kinked.breakpoints.size - 1, 1e-2), 1e-6
+    )
+    assert finer.breaks.size > 2
+    assert set(finer.counts) == {8}
+
+
+def test_segments_whose_error_is_negligible_are_joined(smooth: Trajectory) -> None:
+    joined = GaussMesh(np.array([0.0, 0.5, 1.0]), (8, 8)).refined(
+        smooth, np.full(smooth.breakpoints.size - 1, 1e-12), 1e-6
+    )
+    assert joined.breaks.tolist() == [0.0, 1.0]
+
+
+def test_too_many_nodes_are_refused(smooth: Trajectory, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(adaptive_gauss, "MAX_NODES", 20)
+    errors = np.full(smooth.breakpoints.size - 1, np.inf)
+    with pytest.raises(MeshLimit, match="more than 20 nodes"):
+        GaussMesh(np.array([0.0, 0.5, 1.0]), (8, 8)).refined(smooth, errors, 1e-9)
+
+
+def test_an_interval_is_cut_as_often_as_its_error_asks(monkeypatch: pytest.MonkeyPatch) -> None:
+    trajectory = answer(load_case("van_der_pol"), name="hermite_simpson", intervals=4).trajectory
+    mesh = IntervalMesh(np.linspace(0.0, 1.0, 5))
+    # The fifth order: 3^5 times too much needs three pieces and a little more.
+    finer = mesh.refined(trajectory, np.array([1e-7, 3.0**5 * 0.6e-6, 1e-7, 1e-7]), 1e-6)
+    np.testing.assert_allclose(finer.knots, [0, 0.25, 0.25 + 0.25 / 3, 0.5 - 0.25 / 3, 0.5, 0.75, 1.0])
+    coarser = mesh.refined(trajectory, np.array([1e-12, 1e-12, 1e-5, 1e-7]), 1e-6)
+    assert coarser.knots[:2].tolist() == [0.0, 0.5]
+    monkeypatch.setattr(adaptive_intervals, "MAX_INTERVALS", 15)
+    with pytest.raises(MeshLimit, match="more than 15 intervals"):
+        mesh.refined(trajectory, np.full(4, 1.0), 1e-9)
+
+
+def test_splines_are_refined_no_deeper_than_allowed_and_within_their_number(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    trajectory = answer(load_case("van_der_pol"), name="swcm", L=5, J=1).trajectory
+    errors = np.full(trajectory.breakpoints.size - 1, 1e-3)
+    with pytest.raises(MeshLimit, match="max_level = 1 is reached"):
+        SplineMesh(GradedKnots.uniform(5, 1), 1).refined(trajectory, errors, 1e-6)
+    finer = SplineMesh(GradedKnots.uniform(5, 1), 2).refined(trajectory, errors, 1e-6)
+    np.testing.assert_array_equal(finer.knots.levels, 2)
+    monkeypatch.setattr(adaptive_splines, "MAX_ACTIVE", 22)
+    with pytest.raises(MeshLimit, match="more than 22 active"):
+        SplineMesh(GradedKnots.uniform(5, 1), 2).refined(trajectory, errors, 1e-6)
