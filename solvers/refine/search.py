@@ -1,0 +1,207 @@
+"""The search for the true structure: multi-arc problems, changed until Pontryagin's conditions hold.
+
+Arcs that shrink to nothing are dropped, arcs on which the switching function has the wrong sign are cut, and
+where a free control comes to rest on a bound a new arc begins. Then nodes are added until the dynamics hold
+between them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Hashable
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from solvers.optimizers.ipopt import WARM_BARRIER
+from solvers.problem import OptimalControlProblem
+from solvers.refine.detection import find_structure
+from solvers.refine.mesh import ArcMesh, first_mesh
+from solvers.refine.residual import arc_errors
+from solvers.refine.signs import next_structure
+from solvers.refine.structure import Structure
+from solvers.session import Session, Solved
+from solvers.status import SolveStatus
+from solvers.trajectory import Trajectory
+from solvers.transcription.gauss_pseudospectral import GaussPseudospectral
+from solvers.transcription.multi_arc import MultiArc
+
+Vector = NDArray[np.float64]
+
+PROGRAM_TOLERANCE = 1e-12
+"""How exactly multi-arc programs are solved: switching times enter the objective squared, a singular control
+more weakly still, so that they are as good as the square root of this."""
+
+TOLERANCE = 5e-9
+"""What the error of the states between nodes should be, relative to each state's scale."""
+
+WRONG_SIGN = 1e-3
+"""The largest wrong value of a switching function that is accepted, relative to its largest value.
+
+It is left where switches accumulate or structures would take turns.
+"""
+
+# Where IPOPT ends for its tolerance.
+_NO_BARRIER = PROGRAM_TOLERANCE / 11.0
+# An arc of this part of the horizon does not vanish.
+_FIRM = 0.02
+_ROUNDS = 16
+# Where the arcs that were found reach no target: a mesh of so many segments and nodes, next time of twice as
+# many.
+_LOOKS = 2
+_LOOK_SEGMENTS = 16
+_LOOK_NODES = 8
+# An arc is cut where the sign is wrong by more than this, and by more than the error of the states.
+_CUT = 1e-6
+
+
+@dataclass(frozen=True)
+class Refined:
+    """A solved multi-arc problem with its structure and mesh.
+
+    ``errors``: of the states, segment by segment; ``wrong_sign``: the largest wrong value of a switching
+    function; both relative.
+    """
+
+    solved: Solved
+    structure: Structure
+    mesh: ArcMesh
+    errors: Vector
+    wrong_sign: float
+
+    @property
+    def error(self) -> float:
+        """The largest of the errors."""
+        return float(self.errors.max())
+
+
+@dataclass
+class Search:
+    """Goes from structure to structure; keeps the patterns that it has tried and the best that it found."""
+
+    session: Session
+    first: Solved
+    tried: set[Hashable] = field(default_factory=set)
+    best: Refined | None = None
+    stopped: SolveStatus | None = None
+    looks: int = 0
+
+    def run(self, structure: Structure) -> str:
+        """Search from ``structure``; returns why it ended."""
+        problem, start, settled = self.session.problem, self.first.trajectory, False
+        mesh = self._first_mesh(start, structure)
+        for round_ in range(_ROUNDS):
+            solved = (
+                None if _too_few_arcs(problem, structure) else self._solve(structure, mesh, start, round_)
+            )
+            if solved is None or not solved.converged:
+                if solved is not None and solved.stopped:
+                    self.stopped = solved.outcome.status
+                    return "it was stopped"
+                closer = self._look_closer(start, round_) if self.best is None else None
+                if closer is None:
+                    return (
+                        "the arcs are too few"
+                        if solved is None
+                        else f"the program ended {solved.outcome.status}"
+                    )
+                structure, start = closer
+                mesh = self._first_mesh(start, structure)
+                continue
+            program, start = solved.transcription, solved.trajectory
+            assert isinstance(program, MultiArc)
+            structure = replace(structure, edges=program.edges_of(start))
+            errors = program.by_segment(arc_errors(problem, start).states.max(axis=0))
+            wrong_sign, changed = next_structure(problem, solved, structure, max(_CUT, float(errors.max())))
+            if wrong_sign <= WRONG_SIGN:
+                self._keep(Refined(solved, structure, mesh, errors, wrong_sign))
+            if changed is not None and not settled:
+                if changed.pattern not in self.tried:
+                    structure, mesh = changed, self._first_mesh(start, changed)
+                    continue
+                # Structures take turns, or switches accumulate: the best so far, with nodes enough.
+                if self.best is None:
+                    return "the same structures come back"
+                settled, structure, mesh = True, self.best.structure, self.best.mesh
+                start, errors = self.best.solved.trajectory, self.best.errors
+            if errors.max() <= TOLERANCE:
+                return "done"
+            mesh = mesh.refined(start, errors, TOLERANCE)
+        return f"no structure was settled on after {_ROUNDS} rounds"
+
+    def _look_closer(self, start: Trajectory, round_: int) -> tuple[Structure, Trajectory] | None:
+        """The structure of an answer on a finer mesh, and that answer; None after some attempts.
+
+        A mesh does not see arcs shorter than its intervals, and bang arcs that are too few reach no target.
+        """
+        if self.looks == _LOOKS:
+            return None
+        segments = _LOOK_SEGMENTS << self.looks
+        self.looks += 1
+        self.session.barrier = WARM_BARRIER
+        transcription = GaussPseudospectral(
+            self.session.problem,
+            self.session.scaling,
+            start,
+            np.linspace(0.0, 1.0, segments + 1),
+            (_LOOK_NODES,) * segments,
+        )
+        solved = self.session.solve(transcription, f"switching {round_ + 1}", _share(round_), warm=True)
+        self.stopped = solved.outcome.status if solved.stopped else None
+        return (structure_of(self.session.problem, solved), solved.trajectory) if solved.converged else None
+
+    def _first_mesh(self, start: Trajectory, structure: Structure) -> ArcMesh:
+        self.tried.add(structure.pattern)
+        return first_mesh(self.session.problem, start, structure)
+
+    def _solve(self, structure: Structure, mesh: ArcMesh, start: Trajectory, round_: int) -> Solved:
+        transcription = MultiArc(
+            self.session.problem,
+            self.session.scaling,
+            start,
+            mesh.breaks(structure.edges),
+            mesh.flat_counts,
+            mesh.parts,
+            structure.pinned,
+            structure.follows(self.session.problem, start),
+        )
+        # Without free controls, and with arcs that are there to stay, there is no bound to stay away from:
+        # three steps of Newton's method.
+        firm = not structure.is_free and np.diff(structure.edges).min() >= _FIRM
+        self.session.barrier = _NO_BARRIER if firm else WARM_BARRIER
+        return self.session.solve(transcription, f"switching {round_ + 1}", _share(round_), warm=True)
+
+    def _keep(self, found: Refined) -> None:
+        """Keep the better one: of one pattern that of smaller error, else that of the smaller objective."""
+        best = self.best
+        if best is None or (
+            found.error < best.error
+            if found.structure.pattern == best.structure.pattern
+            else found.solved.objective < best.solved.objective
+        ):
+            self.best = found
+
+
+def structure_of(problem: OptimalControlProblem, solved: Solved) -> Structure:
+    """The structure of a solved mesh."""
+    return find_structure(
+        problem,
+        solved.trajectory,
+        lambda: solved.transcription.costates(solved.trajectory, solved.outcome.row_multipliers),
+    )
+
+
+def _share(round_: int) -> tuple[float, float]:
+    """The part of all work that a round is: nobody knows how many will follow."""
+    return 1.0 - 0.5 ** (round_ + 1), 1.0 - 0.5 ** (round_ + 2)
+
+
+def _too_few_arcs(problem: OptimalControlProblem, structure: Structure) -> bool:
+    """Whether arcs without a free control have fewer unknown times than there are end conditions."""
+    if structure.is_free:
+        return False
+    free = [bounds[0] < bounds[1] for bounds in (problem.initial_time, problem.final_time)]
+    free += [bounds[0] < bounds[1] for bounds in problem.initial_state]
+    held = [bounds[0] == bounds[1] for bounds in problem.final_state]
+    held += [item.interval[0] == item.interval[1] for item in problem.boundary]
+    return structure.arcs - 1 + sum(free) < sum(held)

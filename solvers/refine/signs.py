@@ -1,0 +1,73 @@
+"""What the switching functions say of a structure: where an arc is wrong, and what becomes of it."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from solvers.problem import Interval, OptimalControlProblem
+from solvers.refine.structure import Pieces, Structure
+from solvers.session import Solved
+from solvers.transcription.multi_arc import MultiArc
+
+Vector = NDArray[np.float64]
+
+# A free control rests on a bound within this part of its range, for so many nodes.
+_RESTS = 1e-6
+_SHORTEST_REST = 2
+
+
+def next_structure(
+    problem: OptimalControlProblem, solved: Solved, structure: Structure, threshold: float
+) -> tuple[float, Structure | None]:
+    """The largest wrong sign, relative, and what the structure becomes; None where it may stay.
+
+    Signs that are wrong by less than ``threshold`` are right. While arcs vanish nothing is said of signs.
+    """
+    reduced = structure.without_empty_arcs()
+    if reduced.arcs < structure.arcs:
+        return np.inf, reduced
+    program, trajectory = solved.transcription, solved.trajectory
+    assert isinstance(program, MultiArc)
+    tau = program.gauss_tau(trajectory)
+    controls = trajectory.controls_at(tau)
+    functions = program.switching_functions(trajectory, solved.outcome.bound_multipliers)
+    largest, changes, cut = 0.0, dict[str, list[Pieces | None]](), False
+    for index, (name, levels) in enumerate(structure.pinned.items()):
+        bounds = problem.control_bounds[index]
+        strength = functions[index] / max(float(np.abs(functions[index]).max()), np.finfo(float).tiny)
+        changes[name] = []
+        for arc, level in enumerate(levels):
+            here = program.arc_of_node == arc
+            if np.isnan(level):
+                wanted = _rests(controls[index, here], bounds)
+            else:
+                wrong = strength[here] * (1.0 if level == bounds[1] else -1.0)
+                largest = max(largest, float(wrong.max()))
+                other = bounds[0] + bounds[1] - level
+                wanted = np.where(wrong > threshold, other if np.isfinite(other) else np.nan, level)
+            pieces = _pieces(tau[here], wanted)
+            stays = pieces.levels.size == 1 and np.array_equal(pieces.levels, [level], equal_nan=True)
+            changes[name].append(None if stays else pieces)
+            cut |= not stays
+    return largest, structure.changed(problem, changes) if cut else None
+
+
+def _pieces(tau: Vector, wanted: Vector) -> Pieces:
+    """A level for each node, as pieces that meet midway between nodes."""
+    same = (wanted[1:] == wanted[:-1]) | (np.isnan(wanted[1:]) & np.isnan(wanted[:-1]))
+    last = np.flatnonzero(~same)
+    return Pieces(0.5 * (tau[last] + tau[last + 1]), wanted[np.concatenate([[0], last + 1])])
+
+
+def _rests(values: Vector, bounds: Interval) -> Vector:
+    """Where a free control rests on a bound for some nodes in a row, that bound; NaN elsewhere."""
+    width = bounds[1] - bounds[0]
+    margin = _RESTS * (width if np.isfinite(width) else max(float(np.ptp(values)), 1e-6))
+    wanted = np.full(values.size, np.nan)
+    for bound in bounds:
+        near = np.flatnonzero(np.abs(values - bound) <= margin)
+        for run in np.split(near, np.flatnonzero(np.diff(near) > 1) + 1):
+            if run.size >= _SHORTEST_REST:
+                wanted[run] = bound
+    return wanted
