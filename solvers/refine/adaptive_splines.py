@@ -29,6 +29,11 @@ MAX_ACTIVE = 20_000
 _INNER_ORDER = 3.0
 _EDGE_ORDER = 2.0
 _MOST_LEVELS_AT_ONCE = 2
+# An interval this close to the target is refined with the bad ones, which aim this far below it.
+_CLOSE = 0.7
+_AIM = 0.8
+# A bad interval makes its neighbours bad by about this part.
+_BESIDE = 0.5
 # Siblings are joined where the error would stay this much below the target, while the mesh is far from done.
 _JOIN = 2.0**-7
 _FAR_FROM_DONE = 30.0
@@ -70,10 +75,10 @@ class SplineMesh:
             )
         # A neighbour of a bad interval becomes the next bad one: take it along.
         beside = np.maximum(np.append(worst[1:], 0.0), np.append(0.0, worst[:-1]))
-        size = np.maximum(worst, 0.5 * beside)
+        size = np.maximum(worst, _BESIDE * beside)
         with np.errstate(divide="ignore"):
-            deeper = np.ceil(np.log2(size / (0.8 * target)) / self._order)
-        change = np.where(size > 0.5 * target, np.clip(deeper, 1, _MOST_LEVELS_AT_ONCE), 0)
+            deeper = np.ceil(np.log2(size / (_AIM * target)) / self._order)
+        change = np.where(size > _CLOSE * target, np.clip(deeper, 1, _MOST_LEVELS_AT_ONCE), 0)
         if worst.max() > _FAR_FROM_DONE * target:
             change = np.where(size < _JOIN * target, -1, change)
         finer = self.knots.adapted(np.clip(levels + change, 0, self.max_level).astype(np.int64))

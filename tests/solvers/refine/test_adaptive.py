@@ -15,7 +15,7 @@ from solvers.solve import solve
 from solvers.spec import check_document
 from solvers.trajectory import Trajectory
 
-LAYERS = {"name": "swcm", "adaptive": {"tolerance": 1.5e-7, "max_level": 20}}
+LAYERS = {"name": "swcm", "adaptive": {"tolerance": 1e-7, "max_level": 20}}
 
 
 def answer(case: str, method: dict[str, Any], **options: Any) -> tuple[Solution, float]:
@@ -44,8 +44,8 @@ def test_boundary_layers_over_ten_thousand_seconds_by_six_hundred_wavelets(
     assert adaptive["full"] == 2 ** adaptive["levels"] * 8 + 3
     assert adaptive["compression"] == adaptive["active"] / adaptive["full"] < 1e-3
     assert solution.statistics.variables <= 2 * 600 + 2
-    assert solution.verification.tolerances.state_error == 1.5e-7
-    assert solution.verification.tolerances.terminal_error == 1.5e-7
+    assert solution.verification.tolerances.state_error == 1e-7
+    assert solution.verification.tolerances.terminal_error == 1e-7
 
 
 def test_most_knots_sit_in_the_layers_and_none_is_wasted_between(layers: tuple[Solution, float]) -> None:
@@ -185,7 +185,7 @@ def test_every_mesh_is_told_with_its_error(layers: tuple[Solution, float]) -> No
     nodes = [row["nodes"] for row in solution.convergence]
     assert len(errors) <= 12
     assert errors[0] > 0.1
-    assert errors[-1] <= 1.5e-7
+    assert errors[-1] <= 1e-7
     assert min(np.diff(nodes)) < 0, "knots that are no longer needed are given up"
     assert all(row["objective"] is not None for row in solution.convergence)
 
