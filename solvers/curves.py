@@ -16,6 +16,9 @@ from solvers.bases.legendre import barycentric_weights, differentiation_matrix, 
 
 Vector = NDArray[np.float64]
 
+# Matrices of up to so many numbers are kept for the next curve.
+_LARGEST_KEPT = 200_000
+
 
 class Curve(Protocol):
     """A scalar function of tau in [0, 1]."""
@@ -117,12 +120,22 @@ class LagrangeCurve:
         widths = np.diff(self.breaks)
         local = 2.0 * (tau - self.breaks[segment]) / widths[segment] - 1.0
         result = np.empty_like(tau)
-        for alike in self._alike:
-            here = np.isin(segment, alike.segments)
-            rows = _interpolation(alike.support.tobytes(), local[here].tobytes())
-            values = alike.derivative(derivative, widths)[np.searchsorted(alike.segments, segment[here])]
+        groups, places = self._membership
+        group = groups[segment]
+        for index, alike in enumerate(self._alike):
+            here = np.flatnonzero(group == index)
+            rows = _interpolation(alike.support, local[here])
+            values = alike.derivative(derivative, widths)[places[segment[here]]]
             result[here] = np.einsum("ij,ij->i", rows, values)
         return result
+
+    @cached_property
+    def _membership(self) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+        """For each segment, which group of alike ones it belongs to, and its place there."""
+        groups, places = np.zeros((2, len(self.supports)), np.intp)
+        for index, alike in enumerate(self._alike):
+            groups[alike.segments], places[alike.segments] = index, np.arange(alike.segments.size)
+        return groups, places
 
     @cached_property
     def _alike(self) -> list[_Alike]:
@@ -134,11 +147,23 @@ class LagrangeCurve:
         ]
 
 
-@lru_cache(maxsize=2)
-def _interpolation(support: bytes, local: bytes) -> Vector:
+def _interpolation(support: Vector, local: Vector) -> Vector:
     """Rows from values at the support to those at local points: the same for all states of a trajectory."""
+    if support.size * local.size > _LARGEST_KEPT:
+        return lagrange_matrix(support, barycentric_weights(support), local)
+    return _kept_interpolation(support.tobytes(), local.tobytes())
+
+
+@lru_cache(maxsize=16)
+def _kept_interpolation(support: bytes, local: bytes) -> Vector:
     points = np.frombuffer(support)
     return lagrange_matrix(points, barycentric_weights(points), np.frombuffer(local))
+
+
+@lru_cache(maxsize=16)
+def _differentiation(support: bytes) -> Vector:
+    points = np.frombuffer(support)
+    return differentiation_matrix(points, barycentric_weights(points))
 
 
 @dataclass(frozen=True)
@@ -149,15 +174,11 @@ class _Alike:
     support: Vector
     values: Vector
 
-    @cached_property
-    def weights(self) -> Vector:
-        return barycentric_weights(self.support)
-
     def derivative(self, order: int, widths: Vector) -> Vector:
         """Values of the derivative with respect to tau at the support."""
         values = self.values
         if order:
-            slopes = differentiation_matrix(self.support, self.weights)
+            slopes = _differentiation(self.support.tobytes())
             for _ in range(order):
                 values = (values @ slopes.T) * (2.0 / widths[self.segments])[:, None]
         return values
