@@ -208,15 +208,17 @@ class MultiArc(GaussPseudospectral):
         earlier, with a control beyond the bound.
         """
         problem, arcs = self.problem, np.arange(len(self.parts))
-        for arcs_ends in (self._at_arcs(arcs, 0), self._at_arcs(arcs, 1)):
-            for j, rows in enumerate(arcs_ends.controls):
-                free = np.isnan(self.pinned[problem.controls[j]])
-                if free.any() and np.isfinite(problem.control_bounds[j]).any():
-                    self.builder.constrain(
-                        _control_interval(j), scale=self.scaling.controls[j], linear=rows[free]
-                    )
+        bounded = [
+            (j, np.isnan(self.pinned[name]))
+            for j, name in enumerate(problem.controls)
+            if np.isfinite(problem.control_bounds[j]).any() and np.isnan(self.pinned[name]).any()
+        ]
+        for ends in [self._at_arcs(arcs, side) for side in (0, 1)] if bounded or problem.path else []:
+            for j, free in bounded:
+                rows = ends.controls[j][free]
+                self.builder.constrain(_control_interval(j), scale=self.scaling.controls[j], linear=rows)
             if problem.path:
-                self.hold_path(arcs_ends, lambda this: this._path_bounds(arcs))
+                self.hold_path(ends, lambda this: this._path_bounds(arcs))
 
     def _follow(self, index: int, item: Follow) -> None:
         """Hold S^(q) at the nodes of the arcs, and S ... S^(q-1) where the trajectory meets the limit."""
