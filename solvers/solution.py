@@ -116,8 +116,8 @@ class Solution:
     def _sample_times(self) -> Vector:
         """Equidistant times, and every switching instant twice: its left and its right value."""
         times = np.linspace(self.trajectory.t0, self.trajectory.tf, self.spec.output.samples)
-        switches = [time for found in self.switching.values() for time in found["times"]]
-        return np.sort(np.concatenate([times, np.repeat(np.unique(switches), 2)]))
+        switches = np.unique([time for found in self.switching.values() for time in found["times"]])
+        return np.sort(np.concatenate([np.setdiff1d(times, switches), np.repeat(switches, 2)]))
 
 
 @cache

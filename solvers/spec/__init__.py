@@ -9,6 +9,7 @@ from solvers.spec.document import parse_document
 from solvers.spec.job import JobSpec, Options, Output, Verification
 from solvers.spec.methods import (
     METHODS,
+    Adaptivity,
     AutoMethod,
     GaussPseudospectralMethod,
     HermiteSimpsonMethod,
@@ -32,6 +33,7 @@ from solvers.spec.values import BoundValue, Interval, Value, bound_interval, eva
 
 __all__ = [
     "METHODS",
+    "Adaptivity",
     "AutoMethod",
     "BoundValue",
     "BoundaryConstraint",

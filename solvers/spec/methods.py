@@ -87,14 +87,19 @@ class MethodModel(SpecModel):
 
 
 class AutoMethod(MethodModel):
-    """Spline wavelet collocation with its defaults."""
+    """Spline wavelets, then the exact structure of the answer, or an adapted mesh where none is found."""
 
     title = "Automatic choice"
 
     name: Literal["auto"]
     """The method."""
-    accuracy: Annotated[float, Real(above=0)] = 1e-6
-    """Accuracy that is asked for."""
+    accuracy: Annotated[float, Real(above=0, limit=1)] = 1e-6
+    """Accuracy that is asked for, relative to each quantity's scale; also the verification tolerance."""
+
+    @property
+    def verification_tolerance(self) -> float:
+        """The accuracy."""
+        return self.accuracy
 
 
 class SplineWaveletMethod(MethodModel):

@@ -180,8 +180,8 @@ def test_samples_hold_every_switch_twice_besides_the_equidistant_ones(rigid_body
     (switch,) = result["switching"]["u"]["times"]
     assert switch == pytest.approx(1.0, abs=1e-2)
     assert np.count_nonzero(times == switch) == 2
-    assert times.size == 13
-    np.testing.assert_allclose(times[times != switch], np.linspace(0, result["final_time"], 11))
+    equidistant = np.linspace(0, result["final_time"], 11)
+    np.testing.assert_allclose(times[times != switch], equidistant[equidistant != switch])
 
 
 def test_what_is_not_computed_is_null(rigid_body: dict[str, Any]) -> None:

@@ -23,7 +23,7 @@ def test_defaults_are_written_out_and_named() -> None:
         "max_iterations": 3000,
         "max_seconds": 60.0,
         "starts": 1,
-        "verification": {"terminal_error": 1e-2, "state_error": 1e-2, "bound": 1e-2, "path": 1e-2},
+        "verification": {"terminal_error": 1e-6, "state_error": 1e-6, "bound": 1e-6, "path": 1e-6},
     }
     assert document["output"] == {"samples": 201}
     assert set(resolution.defaults_applied) == {

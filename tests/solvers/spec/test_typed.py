@@ -107,8 +107,8 @@ def test_a_refined_answer_is_verified_to_its_own_tolerance(name: str) -> None:
     plain = check_document(edited({"/method": {"name": name, "refine": None}}, FIRST_ORDER))
     assert plain.method.refinement is None
     assert set(plain.verification_tolerances().values()) == {1e-2}
-    auto = check_document(edited({"/method": {"name": "auto"}}, FIRST_ORDER))
-    assert auto.method.refinement is None
+    auto = check_document(edited({"/method": {"name": "auto", "accuracy": 1e-5}}, FIRST_ORDER))
+    assert set(auto.verification_tolerances().values()) == {1e-5}
 
 
 @pytest.mark.parametrize(
@@ -133,9 +133,9 @@ def test_options_take_expressions_and_defaults() -> None:
     assert spec.options.tolerance == 2e-9
     assert (spec.options.max_iterations, spec.options.max_seconds, spec.options.starts) == (3000, 60, 1)
     assert spec.verification_tolerances() == {
-        "terminal_error": 1e-2,
-        "state_error": 1e-2,
-        "bound": 1e-2,
+        "terminal_error": 1e-6,
+        "state_error": 1e-6,
+        "bound": 1e-6,
         "path": 1e-3,
     }
 

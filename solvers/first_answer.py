@@ -1,0 +1,76 @@
+"""The first answer to a problem: from an earlier job, or from one or several starts, from coarse to fine."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from solvers.guess import Start, WarmStart
+from solvers.meshes import Mesh
+from solvers.session import Session, Solved
+from solvers.starts import several_starts
+from solvers.trajectory import Trajectory
+
+
+def first_answers(
+    session: Session, meshes: Sequence[Mesh], starts: int, earlier: Trajectory | None, span: float
+) -> list[Solved]:
+    """Answers on the finest mesh, best first: one for each start, or the one that ``earlier`` leads to.
+
+    ``span``: the part of all work that this is. Raises whatever the progress of the session raises.
+    """
+    answers = _from_earlier(session, meshes, earlier, span) or _from_starts(session, meshes, starts, span)
+    return sorted(answers, key=_rank)
+
+
+def _from_earlier(
+    session: Session, meshes: Sequence[Mesh], earlier: Trajectory | None, span: float
+) -> list[Solved]:
+    """The finest mesh solved from an earlier answer; nothing if there is none or it leads nowhere."""
+    if earlier is None:
+        return []
+    problem = session.problem
+    start = WarmStart(earlier, problem.guess, problem.states, problem.controls)
+    transcription = meshes[-1](problem, session.scaling, start)
+    solved = session.solve(transcription, "solve from the earlier job", (0.0, span), warm=True)
+    return [solved] if solved.converged or solved.stopped else []
+
+
+def _from_starts(session: Session, meshes: Sequence[Mesh], count: int, span: float) -> list[Solved]:
+    """An answer from each start, ``span`` of all work; fewer if somebody or the clock asks to stop."""
+    answers: list[Solved] = []
+    for index, start in enumerate(several_starts(session.problem, session.scaling, count)):
+        stage = "solve" if count == 1 else f"start {index + 1} of {count}"
+        share = span * index / count, span * (index + 1) / count
+        answers.append(_continue(session, meshes, start, stage, share))
+        if answers[-1].stopped:
+            break
+    return answers
+
+
+def _rank(answer: Solved) -> tuple[bool, float]:
+    """Converged answers first, then the smallest objective."""
+    return not answer.converged, answer.objective if np.isfinite(answer.objective) else np.inf
+
+
+def _continue(
+    session: Session, meshes: Sequence[Mesh], first: Start, stage: str, share: tuple[float, float]
+) -> Solved:
+    """Solve mesh after mesh, each from the answer of the one before."""
+    start, width = first, (share[1] - share[0]) / len(meshes)
+    for index, mesh in enumerate(meshes):
+        label = stage if len(meshes) == 1 else f"{stage} level {index + 1} of {len(meshes)}"
+        part = share[0] + index * width, share[0] + (index + 1) * width
+        transcription = mesh(session.problem, session.scaling, start)
+        solved = session.solve(transcription, label, part, warm=start is not first)
+        if solved.stopped:
+            break
+        # Building a fine mesh takes its time: ask before.
+        stop = session.stop if index + 1 < len(meshes) else None
+        if stop is not None:
+            return replace(solved, outcome=replace(solved.outcome, status=stop))
+        # A coarse mesh that does not converge says nothing about the next one: start that like the first.
+        start = solved.trajectory if solved.converged else first
+    return solved

@@ -1,0 +1,103 @@
+"""What becomes of a first answer: its mesh adapted, its structure found, as the method asks."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+from solvers.meshes import adaptive_mesh_of
+from solvers.problem import OptimalControlProblem
+from solvers.refine.adaptive import Adapted, adapt
+from solvers.refine.switching import Refinement, refine_switching
+from solvers.session import Session, Solved
+from solvers.spec import Adaptivity, AutoMethod, Method, SplineAdaptivity, SplineWaveletMethod
+from solvers.switching import find_switching
+from solvers.verify import Verification
+
+# The highest level to which the automatic choice refines: 500,000 intervals where they are needed.
+_AUTOMATIC_LEVEL = 16
+
+
+@dataclass(frozen=True)
+class Improved:
+    """An answer and how it was reached: on an adapted mesh, with a refined structure, or as it was."""
+
+    solved: Solved
+    adapted: Adapted | None = None
+    adaptivity: Adaptivity | None = None
+    refinement: Refinement | None = None
+
+    @property
+    def summary(self) -> Mapping[str, Any]:
+        """What was done, for the ``method`` of the result."""
+        done: dict[str, Any] = {}
+        if self.adapted is not None and self.adaptivity is not None:
+            done["adaptive"] = {**self.adaptivity.model_dump(), **self.adapted.mesh.summary}
+        if self.refinement is not None:
+            done |= self.refinement.summary
+        return done
+
+    @property
+    def warnings(self) -> Sequence[Mapping[str, str]]:
+        """Why something that was asked for was not reached."""
+        if self.refinement is not None and self.refinement.refined is not None:
+            return []
+        found = [] if self.refinement is None else self.refinement.warnings
+        reason = None if self.adapted is None else self.adapted.reason
+        if reason is not None:
+            found = [
+                *found,
+                {"code": "tolerance_not_reached", "pointer": "/method/adaptive", "detail": reason},
+            ]
+        return found
+
+    def switching(self, problem: OptimalControlProblem) -> dict[str, Any]:
+        """The ``switching`` of the result."""
+        if self.refinement is None:
+            return find_switching(problem, self.solved.trajectory)
+        return self.refinement.switching(problem)
+
+    def certified(self, problem: OptimalControlProblem, verification: Verification) -> Verification:
+        """The verification with what else a refined answer must show."""
+        return verification if self.refinement is None else self.refinement.certified(problem, verification)
+
+
+def first_method(method: Method) -> Method:
+    """The method of the first answer: that of the document, wavelets where it leaves the choice."""
+    return SplineWaveletMethod(name="swcm") if isinstance(method, AutoMethod) else method
+
+
+def wants_more(method: Method) -> bool:
+    """Whether a first answer is not the last one."""
+    return isinstance(method, AutoMethod) or method.adaptivity is not None or method.refinement is not None
+
+
+def improve(session: Session, method: Method, first: Solved, span: float) -> Improved:
+    """Improve a first answer, for which ``span`` of all work is done, as the method asks.
+
+    Raises whatever the progress of the session raises.
+    """
+    if not first.converged:
+        return Improved(first)
+    if isinstance(method, AutoMethod):
+        return _automatically(session, method, first, span)
+    improved = Improved(first)
+    if method.adaptivity is not None:
+        adapted = adapt(session, adaptive_mesh_of(method), method.adaptivity.tolerance, first, span)
+        improved = Improved(adapted.solved, adapted, method.adaptivity)
+    if method.refinement is not None and improved.solved.converged:
+        refinement = refine_switching(session, improved.solved)
+        improved = replace(improved, solved=refinement.solved, refinement=refinement)
+    return improved
+
+
+def _automatically(session: Session, method: AutoMethod, first: Solved, span: float) -> Improved:
+    """The structure first, which is exact and cheap; an adapted mesh where it is not found."""
+    refinement = refine_switching(session, first)
+    if refinement.refined is not None or refinement.solved.stopped:
+        return Improved(refinement.solved, refinement=refinement)
+    adaptivity = SplineAdaptivity(tolerance=method.accuracy, max_level=_AUTOMATIC_LEVEL)
+    mesh = adaptive_mesh_of(SplineWaveletMethod(name="swcm", adaptive=adaptivity))
+    adapted = adapt(session, mesh, method.accuracy, first, span)
+    return Improved(adapted.solved, adapted, adaptivity)

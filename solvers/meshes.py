@@ -1,0 +1,70 @@
+"""From the method of a document to its meshes: the only place that chooses a transcription."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from solvers.bases.graded import GradedKnots
+from solvers.guess import Start
+from solvers.problem import OptimalControlProblem
+from solvers.refine.adaptive import AdaptiveMesh
+from solvers.refine.adaptive_gauss import GaussMesh
+from solvers.refine.adaptive_intervals import IntervalMesh
+from solvers.refine.adaptive_splines import SplineMesh
+from solvers.scaling import Scaling
+from solvers.spec import (
+    GaussPseudospectralMethod,
+    HermiteSimpsonMethod,
+    Method,
+    SplineAdaptivity,
+    SplineWaveletMethod,
+)
+from solvers.transcription.base import Transcription
+from solvers.transcription.gauss_pseudospectral import GaussPseudospectral
+from solvers.transcription.hermite_simpson import HermiteSimpson
+from solvers.transcription.spline_wavelet import SplineWavelet
+
+Mesh = Callable[[OptimalControlProblem, Scaling, Start], Transcription]
+"""The problem on a mesh, from a start."""
+
+# Levels between two solves of the continuation, and the level below which a mesh is solved directly: a start
+# four levels coarser saves iterations of a fine mesh, and costs more than it saves on a coarse one.
+_LEVEL_STRIDE = 4
+_COARSEST_LEVEL = 1
+_DIRECT_BELOW = 6
+
+
+def meshes_of(method: Method) -> Sequence[Mesh]:
+    """The meshes of a method from coarse to fine."""
+    match method:
+        case SplineWaveletMethod(L=length, first_level=finest):
+            levels = [finest]
+            if finest >= _DIRECT_BELOW:
+                levels += range(finest - _LEVEL_STRIDE, _COARSEST_LEVEL - 1, -_LEVEL_STRIDE)
+            return [_splines(length, level, adapts=method.adaptive is not None) for level in sorted(levels)]
+        case GaussPseudospectralMethod(nodes=nodes, segments=segments):
+            breaks = np.linspace(0.0, 1.0, segments + 1)
+            return [lambda p, s, start: GaussPseudospectral(p, s, start, breaks, (nodes,) * segments)]
+        case HermiteSimpsonMethod(intervals=intervals):
+            knots = np.linspace(0.0, 1.0, intervals + 1)
+            return [lambda p, s, start: HermiteSimpson(p, s, start, knots)]
+    raise TypeError(f"no transcription for the method {method!r}")
+
+
+def _splines(length: int, level: int, *, adapts: bool) -> Mesh:
+    knots = GradedKnots.uniform(length, level)
+    return lambda problem, scaling, start: SplineWavelet(problem, scaling, start, knots, adaptive=adapts)
+
+
+def adaptive_mesh_of(method: Method) -> AdaptiveMesh:
+    """The finest mesh of :func:`meshes_of`, as one that knows how to become a better one."""
+    match method:
+        case SplineWaveletMethod(L=length, first_level=level, adaptive=SplineAdaptivity(max_level=highest)):
+            return SplineMesh(GradedKnots.uniform(length, level), highest)
+        case GaussPseudospectralMethod(nodes=nodes, segments=segments):
+            return GaussMesh(np.linspace(0.0, 1.0, segments + 1), (nodes,) * segments)
+        case HermiteSimpsonMethod(intervals=intervals):
+            return IntervalMesh(np.linspace(0.0, 1.0, intervals + 1))
+    raise TypeError(f"no adaptive mesh for the method {method!r}")
