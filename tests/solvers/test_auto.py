@@ -1,4 +1,4 @@
-"""The automatic choice: the exact structure where there is one, an adapted mesh elsewhere, and it says which."""
+"""The automatic choice: the exact structure where there is one, else an adapted mesh; and it says which."""
 
 from __future__ import annotations
 
