@@ -1,12 +1,7 @@
-"""What every direct transcription shares: ends, bounds, path constraints, costs; scaling; local variables.
+"""What every direct transcription shares: ends, bounds, path constraints, costs, scaling, costates.
 
 A transcription says where its unknowns are, how states and controls follow from them (rows of constant
 matrices), and how the dynamics become defects. The rest is common and written here once.
-
-The local variables of a node are z = (x, u, ta, tb), where [ta, tb] is the span of time on which its tau
-counts from 0 to 1: all of [t0, tf], or an arc of it. States in ``per_tau`` stand in z as derivatives with
-respect to tau and are divided by the duration before the model sees them. The numbers of a node are
-P = (tau, parameters).
 """
 
 from __future__ import annotations
@@ -14,7 +9,6 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Collection, Hashable, Sequence
 from dataclasses import dataclass, field
-from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -28,46 +22,9 @@ from solvers.scaling import Scaling, magnitude
 from solvers.symbolic import CASADI
 from solvers.trajectory import Trajectory
 from solvers.transcription.builder import Intervals, Places, ProgramBuilder, fixed
+from solvers.transcription.nodes import Instants, NodeSymbols
 
 Vector = NDArray[np.float64]
-
-
-@dataclass(frozen=True)
-class Instants:
-    """K instants, and the rows (K x unknowns) that give each state and control there.
-
-    ``tau`` counts from 0 to 1 over a span of time; ``span``: the rows of its start and end, by default those
-    of t0 and tf.
-    """
-
-    tau: Vector
-    states: Sequence[sparse.csr_array]
-    controls: Sequence[sparse.csr_array] = ()
-    span: tuple[sparse.csr_array, sparse.csr_array] | None = None
-
-
-class NodeSymbols:
-    """SX symbols of one node, as the model wants them."""
-
-    def __init__(
-        self, problem: OptimalControlProblem, per_tau: Collection[int] = (), accelerations: int = 0
-    ) -> None:
-        n, m = len(problem.states), len(problem.controls)
-        self.z = ca.SX.sym("z", n + accelerations + m + 2)
-        self.p = ca.SX.sym("p", 1 + len(problem.parameters))
-        parts = ca.vertsplit(self.z)
-        start, stop = parts[-2:]
-        self.duration = stop - start
-        self.x = [part / self.duration if i in per_tau else part for i, part in enumerate(parts[:n])]
-        self.accelerations = [part / self.duration**2 for part in parts[n : n + accelerations]]
-        self.u = parts[n + accelerations : -2]
-        self.t = start + self.p[0] * self.duration
-        self.parameters = dict(zip(problem.parameters, ca.vertsplit(self.p)[1:], strict=True))
-        self.scope: dict[str, Any] = problem.scope(self.x, self.u, self.t, self.parameters)
-
-    def function(self, name: str, values: Sequence[Any]) -> ca.Function:
-        """The Function (z, p) -> values."""
-        return ca.Function(name, [self.z, self.p], [ca.vertcat(*[ca.SX(value) for value in values])])
 
 
 @dataclass

@@ -33,8 +33,9 @@ from solvers.bases.legendre import (
 from solvers.coefficients import LAGRANGE, gauss_nodes
 from solvers.curves import LagrangeCurve
 from solvers.trajectory import Trajectory
-from solvers.transcription.base import Instants, Transcription, control_columns
+from solvers.transcription.base import Transcription, control_columns
 from solvers.transcription.builder import fixed
+from solvers.transcription.nodes import Instants
 
 Vector = NDArray[np.float64]
 

@@ -30,8 +30,9 @@ from solvers.backends import NUMPY
 from solvers.coefficients import HERMITE
 from solvers.curves import HermiteCurve, QuadraticCurve
 from solvers.trajectory import Trajectory
-from solvers.transcription.base import Instants, Transcription, control_columns
+from solvers.transcription.base import Transcription, control_columns
 from solvers.transcription.builder import fixed
+from solvers.transcription.nodes import Instants
 
 Vector = NDArray[np.float64]
 

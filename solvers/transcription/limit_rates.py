@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from solvers.limits import Limit
 from solvers.problem import OptimalControlProblem
 from solvers.symbolic import CASADI
-from solvers.transcription.base import NodeSymbols
+from solvers.transcription.nodes import NodeSymbols
 
 Vector = NDArray[np.float64]
 

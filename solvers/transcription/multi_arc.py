@@ -28,10 +28,10 @@ from scipy import sparse
 
 from solvers.limits import Limit
 from solvers.trajectory import Trajectory
-from solvers.transcription.base import Instants, NodeSymbols
 from solvers.transcription.builder import Intervals, fixed
 from solvers.transcription.gauss_pseudospectral import GaussPseudospectral
 from solvers.transcription.limit_rates import LimitRates
+from solvers.transcription.nodes import Instants, NodeSymbols
 
 Vector = NDArray[np.float64]
 

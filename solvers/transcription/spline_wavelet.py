@@ -43,8 +43,9 @@ from solvers.problem import Interval, MechanicalDynamics
 from solvers.scaling import nearest_power_of_two
 from solvers.symbolic import CASADI
 from solvers.trajectory import Trajectory
-from solvers.transcription.base import Instants, NodeSymbols, Transcription, control_columns
+from solvers.transcription.base import Transcription, control_columns
 from solvers.transcription.builder import fixed
+from solvers.transcription.nodes import Instants, NodeSymbols
 
 Vector = NDArray[np.float64]
 
