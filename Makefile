@@ -5,13 +5,14 @@
 #   make check   lint, types, arrows between the packages
 #   make serve   run the service on http://127.0.0.1:8000
 #   make bench   the benchmark tables
+#   make bench-peers   the same problems by other libraries, each installed into .venv-peers (about 10 minutes)
 
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt
 
-.PHONY: setup demo test check serve bench clean
+.PHONY: setup demo test check serve bench bench-peers clean
 
 setup: $(VENV)/.installed
 
@@ -37,6 +38,19 @@ serve: setup
 
 bench: setup
 	@$(BIN)/ondelette bench
+
+PEERS := $(patsubst benchmarks/peers/requirements-%.txt,%,$(wildcard benchmarks/peers/requirements-*.txt))
+
+# The lists of requirements are complete, so that nothing else is resolved. What cannot be installed stays
+# without its environment, and the table says so.
+.venv-peers/%/.installed: benchmarks/peers/requirements-%.txt
+	@echo "setting up .venv-peers/$*"
+	@{ $(PYTHON) -m venv .venv-peers/$* && \
+	   .venv-peers/$*/bin/python -m pip install --quiet --disable-pip-version-check --no-deps -r $< && \
+	   touch $@; } || { echo "$* could not be installed" >&2; rm -rf .venv-peers/$*; }
+
+bench-peers: setup $(PEERS:%=.venv-peers/%/.installed)
+	@$(BIN)/python benchmarks/peers/run.py
 
 check: $(VENV)/.installed-dev
 	$(BIN)/ruff check .
