@@ -25,8 +25,10 @@ ACCEPTABLE = 1e-7
 DRIFT = 1e-6
 """How far the Hamiltonian may wander, relative to the magnitude of its terms."""
 
-# The objective may not get worse by more than this part of itself, or than the error of the first answer.
+# The objective may not get worse by more than this part of itself, if the states of the first answer are right
+# to this part of their scales.
 _WORSE = 1e-3
+_BELIEVED = 1e-2
 
 
 @dataclass(frozen=True)
@@ -104,7 +106,8 @@ def _judged(problem: OptimalControlProblem, search: Search, reason: str) -> Refi
 
 
 def _is_worse(problem: OptimalControlProblem, first: Solved, refined: Solved) -> bool:
-    """Whether the objective is worse by more than the errors of the first answer made it look better."""
+    """Whether the objective is worse than that of a first answer whose states can be believed."""
     worse = refined.objective - first.objective
-    size = max(abs(first.objective), abs(refined.objective), 1e-6)
-    return worse > _WORSE * size and worse > size * float(arc_errors(problem, first.trajectory).states.max())
+    if worse <= _WORSE * max(abs(first.objective), abs(refined.objective), 1e-6):
+        return False
+    return float(arc_errors(problem, first.trajectory).states.max()) <= _BELIEVED
