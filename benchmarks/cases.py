@@ -24,8 +24,11 @@ METHODS: list[dict[str, Any]] = [
     {"name": "swcm", "L": 8, "J": 4},
     {"name": "gpm", "nodes": 65},
     {"name": "hermite_simpson", "intervals": 65},
+    {"name": "swcm", "refine": "switching"},
+    {"name": "gpm", "adaptive": {"tolerance": 1e-8}},
+    {"name": "auto"},
 ]
-WARM_RUNS = 5
+WARM_RUNS = 3
 
 
 def spent(solution: Solution) -> float:

@@ -1,4 +1,4 @@
-"""The flexible-spacecraft slew: build and solve against a hand-written CasADi Hermite-Simpson, and scaling.
+"""The flexible-spacecraft slew against a hand-written CasADi Hermite-Simpson, refined, and on finer meshes.
 
 Both run in this one warm process, in turn, on the same bounds, guess and tolerance; a ratio below 1 means
 that ondelette is faster. Verification is not part of the times.
@@ -17,6 +17,7 @@ from collections.abc import Callable
 import casadi as ca
 import numpy as np
 
+from solvers.cache import STRUCTURES
 from solvers.catalogue import load_case
 from solvers.solve import solve
 from solvers.spec import check_document
@@ -26,8 +27,8 @@ PAIRS = 11
 SCALING_RUNS = 3
 
 
-def hand_written(points: int) -> float:
-    """Build and solve Hermite-Simpson as one writes it by hand: an MX graph, expanded. Returns t_f."""
+def hand_written(points: int) -> Callable[[], float]:
+    """Build Hermite-Simpson as one writes it by hand, an MX graph, expanded; returns what solves for t_f."""
     jb, r, m, length, k = 440.0, 2.5, 10.0, 5.0, 100.0
     intervals = (points - 1) // 2
     x, u = ca.MX.sym("x", 4), ca.MX.sym("u")
@@ -77,16 +78,21 @@ def hand_written(points: int) -> float:
     guess = np.zeros(5 * points + 1)
     guess[: 4 * points] = np.outer(np.linspace(0, 1, points), target).ravel()
     guess[-1] = 30
-    return float(solver(x0=guess, lbx=lower, ubx=upper, lbg=0, ubg=0)["f"])
+    return lambda: float(solver(x0=guess, lbx=lower, ubx=upper, lbg=0, ubg=0)["f"])
 
 
-def ondelette(level: int) -> tuple[float, float]:
-    """Build and solve by spline wavelets on this level. Returns t_f and the seconds of both."""
+def ondelette(level: int, *, cold: bool, refine: str | None = None) -> tuple[float, float]:
+    """Build and solve by spline wavelets on this level. Returns t_f and the seconds of both.
+
+    ``cold``: without what an earlier solve has compiled.
+    """
+    if cold:
+        STRUCTURES.clear()
     document = load_case("flexible_spacecraft")
-    document["method"] = {"name": "swcm", "L": 8, "J": level}
+    document["method"] = {"name": "swcm", "L": 8, "J": level, "refine": refine}
     solution = solve(check_document(document))
     seconds = solution.statistics.seconds
-    return solution.objective, seconds["build"] + seconds["solve"]
+    return solution.objective, seconds["build"] + seconds["solve"] + seconds["refine"]
 
 
 def timed(call: Callable[[], float]) -> tuple[float, float]:
@@ -97,24 +103,42 @@ def timed(call: Callable[[], float]) -> tuple[float, float]:
 
 
 def against_hand_written() -> None:
-    """Print the comparison at the same numbers of points."""
-    print(
-        f"Build + solve, warm process, medians of {PAIRS} interleaved pairs; reference t_f {MINIMUM_TIME}\n"
-    )
-    print("| N | Hermite-Simpson by hand, s | error | SWCM, s | error | ratio (min..max) |")
-    print("|---|---|---|---|---|---|")
+    """Print the comparison at the same numbers of points, cold (build and solve) and warm (solve again)."""
+    print(f"Interpreter warm, medians of {PAIRS} interleaved pairs; reference t_f {MINIMUM_TIME}\n")
+    print("| N | | Hermite-Simpson by hand, s | error | SWCM, s | error | ratio (min..max) |")
+    print("|---|---|---|---|---|---|---|")
     for level in (4, 5):
         points = 8 * 2**level + 3
-        hand_written(points)
-        ondelette(level)
-        pairs = [(timed(lambda points=points: hand_written(points)), ondelette(level)) for _ in range(PAIRS)]
-        theirs, ours = (statistics.median(pair[side][1] for pair in pairs) for side in (0, 1))
-        ratios = sorted(own[1] / hand[1] for hand, own in pairs)
-        print(
-            f"| {points} | {theirs:.3f} | {abs(pairs[0][0][0] - MINIMUM_TIME):.1e} "
-            f"| {ours:.3f} | {abs(pairs[0][1][0] - MINIMUM_TIME):.1e} "
-            f"| {statistics.median(ratios):.2f} ({ratios[0]:.2f}..{ratios[-1]:.2f}) |"
-        )
+        built = hand_written(points)
+        ondelette(level, cold=True)
+        for name, cold in (("cold", True), ("warm", False)):
+            ondelette(level, cold=cold)
+            pairs = [
+                (
+                    timed(lambda points=points: hand_written(points)()) if cold else timed(built),
+                    ondelette(level, cold=cold),
+                )
+                for _ in range(PAIRS)
+            ]
+            theirs, ours = (statistics.median(pair[side][1] for pair in pairs) for side in (0, 1))
+            ratios = sorted(own[1] / hand[1] for hand, own in pairs)
+            print(
+                f"| {points} | {name} | {theirs:.4f} | {abs(pairs[0][0][0] - MINIMUM_TIME):.1e} "
+                f"| {ours:.4f} | {abs(pairs[0][1][0] - MINIMUM_TIME):.1e} "
+                f"| {statistics.median(ratios):.2f} ({ratios[0]:.2f}..{ratios[-1]:.2f}) |"
+            )
+
+
+def refined() -> None:
+    """Print what the switching refinement costs beside the plain solve."""
+    print("\nSWCM N = 131, structures compiled, with and without switching refinement\n")
+    runs = [
+        (ondelette(4, cold=False), ondelette(4, cold=False, refine="switching")) for _ in range(PAIRS + 1)
+    ][1:]
+    ratio = statistics.median(fine[1] / plain[1] for plain, fine in runs)
+    plain, fine = (statistics.median(run[side][1] for run in runs) for side in (0, 1))
+    print(f"plain {plain:.4f} s, error {abs(runs[0][0][0] - MINIMUM_TIME):.1e}; ", end="")
+    print(f"refined {fine:.4f} s, error {abs(runs[0][1][0] - MINIMUM_TIME):.1e}; ratio {ratio:.2f}")
 
 
 def scaling() -> None:
@@ -123,9 +147,9 @@ def scaling() -> None:
     print("| N | s | error | exponent from N = 259 |")
     print("|---|---|---|---|")
     first = None
-    for level in (5, 6, 7, 8, 9):
+    for level in (5, 6, 7, 8, 9, 10, 11):
         points = 8 * 2**level + 3
-        runs = [ondelette(level) for _ in range(SCALING_RUNS)]
+        runs = [ondelette(level, cold=True) for _ in range(SCALING_RUNS)]
         seconds = statistics.median(run[1] for run in runs)
         first = first or (points, seconds)
         exponent = (
@@ -136,4 +160,5 @@ def scaling() -> None:
 
 if __name__ == "__main__":
     against_hand_written()
+    refined()
     scaling()
