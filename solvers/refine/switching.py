@@ -25,8 +25,8 @@ ACCEPTABLE = 1e-7
 DRIFT = 1e-6
 """How far the Hamiltonian may wander, relative to the magnitude of its terms."""
 
-# The objective may not get worse by more than this part of itself, if the states of the first answer are right
-# to this part of their scales.
+# The objective may not get worse by more than the first part of itself, if the states of the first answer are
+# right to the second part of their scales.
 _WORSE = 1e-3
 _BELIEVED = 1e-2
 
