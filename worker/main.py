@@ -31,11 +31,13 @@ def run(
     # Imported here, once, in the parent: the children are forked with everything loaded.
     from celery.signals import worker_process_init
 
+    from worker.consumer import PromptConsumer
     from worker.heartbeat import heartbeat
+    from worker.leases import leases
     from worker.queue import JobQueue, make_celery
     from worker.shutdown import PatientWorker
     from worker.store import JobStore, connect
-    from worker.tasks import SolveTask
+    from worker.tasks import Limits, SolveTask
 
     celery = make_celery(settings)
     celery.conf.update(
@@ -44,9 +46,12 @@ def run(
         worker_lost_wait=1.0,
     )
     store = JobStore(connect(settings, retries=10), settings)
-    celery.register_task(SolveTask(store, round(settings.result_mib * 2**20)))
+    limits = Limits(round(settings.result_mib * 2**20), settings.grace_seconds, settings.outage_seconds)
+    celery.register_task(SolveTask(store, limits))
     queue = JobQueue(celery, connect(settings), settings)
-    celery.steps["consumer"].add(heartbeat(queue, slots, settings.heartbeat_seconds))
+    steps = celery.steps["consumer"]
+    steps.add(heartbeat(queue, slots, settings.heartbeat_seconds))
+    steps.add(leases(JobStore(connect(settings), settings), settings.renewal_seconds))
 
     def limit_memory(**_: object) -> None:
         # Beyond it an allocation fails, which ends one job; without it the kernel ends whom it likes.
@@ -59,6 +64,7 @@ def run(
         patience=settings.shutdown_seconds,
         hostname=f"{name or os.getpid()}@{socket.gethostname()}",
         pool="prefork",
+        consumer_cls=PromptConsumer,
         concurrency=slots,
         loglevel=log_level,
         quiet=True,

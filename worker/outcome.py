@@ -38,6 +38,13 @@ TIMED_OUT = JobError(
     "The solve did not come back to its iterations in time, so its process was ended; there is no iterate.",
 )
 
+ABORTED = JobError(
+    FailureType.OUT_OF_MEMORY,
+    "The solve's process was aborted.",
+    "Its numerical libraries gave up, as they do where no memory is left for them to say so. Ask for fewer "
+    "nodes, or let the operator raise the worker's limit (ONDELETTE_MEMORY_MIB).",
+)
+
 
 def of_solution(solution: Solution, job_id: str, limit: int) -> Outcome:
     """Return the end of a job that was solved; a compressed result over ``limit`` bytes fails it."""

@@ -28,7 +28,6 @@ def make_celery(settings: QueueSettings) -> Celery:
     A message is acknowledged when its job has ended, and redelivered if the worker's child dies before; the
     job record, not a result backend, tells how it went. No soft time limit: CasADi swallows the exception.
     """
-    hard_limit = MAX_JOB_SECONDS + settings.grace_seconds
     celery = Celery("ondelette", broker=celery_url(settings.broker), set_as_current=False)
     celery.conf.update(
         task_default_queue=QUEUE,
@@ -42,7 +41,7 @@ def make_celery(settings: QueueSettings) -> Celery:
         result_serializer="json",
         event_serializer="json",
         accept_content=["json"],
-        task_time_limit=hard_limit,
+        task_time_limit=MAX_JOB_SECONDS + settings.grace_seconds + settings.outage_seconds,
         worker_prefetch_multiplier=1,
         worker_cancel_long_running_tasks_on_connection_loss=False,
         worker_send_task_events=False,
@@ -50,11 +49,13 @@ def make_celery(settings: QueueSettings) -> Celery:
         broker_connection_retry_on_startup=True,
         broker_connection_max_retries=None,
         broker_transport_options={
-            # No lease is renewed while a job runs, so a message may only be given up for lost after the
-            # longest job has certainly ended; else a job would be solved twice at the same time.
-            "visibility_timeout": 2 * hard_limit,
-            "unacked_restore_interval": 5,
+            # Short only because every worker renews the lease of what it holds (worker.leases); else a job
+            # that takes longer would be delivered again and again.
+            "visibility_timeout": settings.visibility_seconds,
+            "unacked_restore_interval": settings.sweep_seconds,
             "unacked_restore_throttle": 1,
+            # A worker that is killed during a sweep keeps the others from theirs for so long, in seconds.
+            "unacked_mutex_expire": 10,
             "health_check_interval": 25,
             "socket_keepalive": True,
             "socket_timeout": 30,
@@ -73,7 +74,8 @@ class JobQueue:
         self._celery = celery
         self._redis = redis
         self._prefix = settings.prefix
-        self._grace = settings.grace_seconds
+        # A child ends itself at max_seconds + grace; this is for one that cannot even do that.
+        self._beyond = settings.grace_seconds + settings.outage_seconds
 
     def enqueue(self, job_id: str, max_seconds: float) -> None:
         """Publish a recorded job. Raises QueueUnavailable if the broker did not take it."""
@@ -82,7 +84,7 @@ class JobQueue:
                 SOLVE_TASK,
                 args=[job_id],
                 task_id=job_id,
-                time_limit=math.ceil(max_seconds + self._grace),
+                time_limit=math.ceil(max_seconds + self._beyond),
                 retry=True,
                 retry_policy={"max_retries": 1, "interval_start": 0.1, "interval_step": 0.2},
             )

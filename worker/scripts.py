@@ -1,10 +1,15 @@
 """The changes of a job that must be one step for everyone: Lua scripts run inside the server.
 
-Every script has KEYS = record, document, result, tombstone and ARGV = id, channel, now, retention, memory
-(how long, in seconds, an ended job is kept, and how long after that it is known to have existed), and its own
-arguments from ARGV[6] on. Whoever solves a job is its ``owner``, a random word written at the start: what any
-other solve of the same job writes later (a worker given up for lost, a message delivered twice) changes
-nothing.
+Every script about one job has KEYS = record, document, result, tombstone, queued, running and ARGV = id,
+channel, now, retention, memory, lease (how long, in seconds, an ended job is kept; how long after that it is
+known to have existed; how long a running job belongs to a solve that is silent), and its own arguments from
+ARGV[7] on. ``queued`` and ``running`` are sorted sets of job ids: by the time at which the job was published,
+and by the time until which its solve owns it.
+
+Whoever solves a job is its ``owner``, a word written at the start: what any other solve of the same job
+writes later (a worker given up for lost, a message delivered twice) changes nothing. An owner whose lease is
+over is lost, and the job may be started anew. Leases are counted by the server's own clock, and not while
+the server itself was away.
 """
 
 from __future__ import annotations
@@ -12,9 +17,32 @@ from __future__ import annotations
 _COMMON = """
 local function status() return redis.call('HGET', KEYS[1], 'status') end
 local function mine(owner) return status() == 'running' and redis.call('HGET', KEYS[1], 'owner') == owner end
+local function owned_by(worker)
+  local owner = redis.call('HGET', KEYS[1], 'owner')
+  return status() == 'running' and owner and string.sub(owner, 1, #worker) == worker
+end
+local function clock()
+  local time = redis.call('TIME')
+  return tonumber(time[1]) + tonumber(time[2]) / 1e6
+end
+local function lend(seconds)
+  redis.call('ZADD', KEYS[6], string.format('%.3f', clock() + seconds), ARGV[1])
+end
+-- Whether the owner of a running job may still be at work.
+local function held()
+  local till = tonumber(redis.call('ZSCORE', KEYS[6], ARGV[1]) or 0)
+  if till == 0 then return false end
+  if clock() < till then return true end
+  local uptime = string.match(redis.call('INFO', 'server'), 'uptime_in_seconds:(%d+)')
+  return tonumber(uptime) < tonumber(ARGV[6])
+end
 local function move(to)
   redis.call('HSET', KEYS[1], 'status', to)
   redis.call('HINCRBY', KEYS[1], 'version', 1)
+  redis.call('ZREM', KEYS[5], ARGV[1])
+  redis.call('ZREM', KEYS[6], ARGV[1])
+  if to == 'queued' then redis.call('ZADD', KEYS[5], redis.call('HGET', KEYS[1], 'created_at'), ARGV[1]) end
+  if to == 'running' then lend(tonumber(ARGV[6])) end
   redis.call('PUBLISH', ARGV[2], ARGV[1] .. ' ' .. to)
 end
 local function finish(to, failure)
@@ -25,59 +53,75 @@ local function finish(to, failure)
   redis.call('SET', KEYS[4], '', 'EX', ARGV[4] + ARGV[5])
   move(to)
 end
+local function requeue()
+  redis.call('HDEL', KEYS[1], 'owner', 'started_at', 'progress')
+  move('queued')
+end
+-- Count a lost worker; false if that was the end of the job.
+local function survives(losses, failure)
+  if redis.call('HGET', KEYS[1], 'cancel') == '1' then finish('cancelled', '') return false end
+  if redis.call('HINCRBY', KEYS[1], 'losses', 1) < tonumber(losses) then return true end
+  finish('failed', failure)
+  return false
+end
 """
 
 START = (
     _COMMON
     + """
--- ARGV[6] owner, ARGV[7] losses that end the job, ARGV[8] the error it then has.
+-- ARGV[7] owner, ARGV[8] losses that end the job, ARGV[9] the error it then has.
 local now = status()
 if not now then return 'missing' end
 if now == 'running' then
   -- The same start asked again because its answer was lost on the way.
-  if mine(ARGV[6]) then return 'started' end
-  if redis.call('HGET', KEYS[1], 'cancel') == '1' then finish('cancelled', '') return 'cancelled' end
-  if redis.call('HINCRBY', KEYS[1], 'losses', 1) >= tonumber(ARGV[7]) then
-    finish('failed', ARGV[8])
-    return 'failed'
-  end
+  if mine(ARGV[7]) then return 'started' end
+  if held() then return 'busy' end
+  if not survives(ARGV[8], ARGV[9]) then return status() end
 elseif now ~= 'queued' then
   return now
 end
-redis.call('HSET', KEYS[1], 'owner', ARGV[6], 'started_at', ARGV[3])
+redis.call('HSET', KEYS[1], 'owner', ARGV[7], 'started_at', ARGV[3])
 redis.call('HDEL', KEYS[1], 'progress')
 redis.call('HINCRBY', KEYS[1], 'attempts', 1)
 move('running')
 return 'started'
 """
 )
-"""Make the job running and this solve its owner; answers ``started``, ``missing`` or the final status."""
+"""Make the job running and this solve its owner.
+
+Answers ``started``, ``missing``, ``busy`` (another solve owns the job) or the final status.
+"""
 
 REPORT = (
     _COMMON
     + """
--- ARGV[6] owner, ARGV[7] progress as JSON or '' for nothing new.
-if not mine(ARGV[6]) then return 'lost' end
-if ARGV[7] ~= '' then
-  redis.call('HSET', KEYS[1], 'progress', ARGV[7])
+-- ARGV[7] owner, ARGV[8] progress as JSON or '' for nothing new.
+if not mine(ARGV[7]) then return 'lost' end
+local left = tonumber(redis.call('ZSCORE', KEYS[6], ARGV[1]) or 0) - clock()
+if left < ARGV[6] / 2 then lend(tonumber(ARGV[6])) end
+if ARGV[8] ~= '' then
+  redis.call('HSET', KEYS[1], 'progress', ARGV[8])
   redis.call('HINCRBY', KEYS[1], 'version', 1)
 end
 if redis.call('HGET', KEYS[1], 'cancel') == '1' then return 'cancel' end
 return 'go'
 """
 )
-"""Write progress; answers ``go``, ``cancel`` (somebody asks to stop) or ``lost`` (not ours any more)."""
+"""Write progress and renew the lease when half of it is over.
+
+Answers ``go``, ``cancel`` (somebody asks to stop) or ``lost`` (not ours any more).
+"""
 
 FINISH = (
     _COMMON
     + """
--- ARGV[6] owner, ARGV[7] final status, ARGV[8] error as JSON or '', ARGV[9] compressed result or ''.
-if not mine(ARGV[6]) then return 0 end
-if ARGV[9] ~= '' then
-  redis.call('SET', KEYS[3], ARGV[9])
+-- ARGV[7] owner, ARGV[8] final status, ARGV[9] error as JSON or '', ARGV[10] compressed result or ''.
+if not mine(ARGV[7]) then return 0 end
+if ARGV[10] ~= '' then
+  redis.call('SET', KEYS[3], ARGV[10])
   redis.call('HSET', KEYS[1], 'has_result', '1')
 end
-finish(ARGV[7], ARGV[8])
+finish(ARGV[8], ARGV[9])
 return 1
 """
 )
@@ -86,21 +130,37 @@ return 1
 FAIL = (
     _COMMON
     + """
--- ARGV[6] error as JSON.
-if status() ~= 'running' then return 0 end
-finish('failed', ARGV[6])
+-- ARGV[7] how the owner's word begins, ARGV[8] error as JSON.
+if not owned_by(ARGV[7]) then return 0 end
+finish('failed', ARGV[8])
 return 1
 """
 )
-"""End a running job whose child was killed: for the worker's main process, which does not know the owner."""
+"""End a running job whose child was killed: for the worker's main process, which does not know the word."""
+
+LOSE = (
+    _COMMON
+    + """
+-- ARGV[7] how the owner's word begins, ARGV[8] seconds beyond max_seconds that a solve may take,
+-- ARGV[9] the error of one that took longer.
+if not owned_by(ARGV[7]) then return 0 end
+local record = redis.call('HMGET', KEYS[1], 'started_at', 'max_seconds')
+if ARGV[3] - record[1] >= record[2] + ARGV[8] then
+  finish('failed', ARGV[9])
+else
+  redis.call('ZADD', KEYS[6], 0, ARGV[1])
+end
+return 1
+"""
+)
+"""End the lease of a child that has died, and the job if it died because its time was over."""
 
 HAND_BACK = (
     _COMMON
     + """
-if status() ~= 'running' then return 0 end
-if redis.call('HGET', KEYS[1], 'cancel') == '1' then finish('cancelled', '') return 1 end
-redis.call('HDEL', KEYS[1], 'owner', 'started_at', 'progress')
-move('queued')
+-- ARGV[7] how the owner's word begins.
+if not owned_by(ARGV[7]) then return 0 end
+if redis.call('HGET', KEYS[1], 'cancel') == '1' then finish('cancelled', '') else requeue() end
 return 1
 """
 )
@@ -123,13 +183,30 @@ return status()
 ERASE = (
     _COMMON
     + """
--- KEYS[5] the index.
+-- KEYS[7] the index.
 local now = status()
 if not now or now == 'queued' or now == 'running' then return now end
 redis.call('DEL', KEYS[1], KEYS[2], KEYS[3])
-redis.call('ZREM', KEYS[5], ARGV[1])
+redis.call('ZREM', KEYS[7], ARGV[1])
 redis.call('SET', KEYS[4], '', 'EX', ARGV[5])
 return 'erased'
 """
 )
 """Erase an ended job; answers ``erased``, or the status that forbids it, or nothing where there is no job."""
+
+RENEW = """
+-- KEYS = unacked index of the broker, running, then a record for each request.
+-- ARGV = lease, then job id, delivery tag and beginning of the owner's word for each request.
+local time = redis.call('TIME')
+local now = tonumber(time[1]) + tonumber(time[2]) / 1e6
+for number = 3, #KEYS do
+  local id, tag, worker = ARGV[3 * number - 7], ARGV[3 * number - 6], ARGV[3 * number - 5]
+  redis.call('ZADD', KEYS[1], 'XX', string.format('%.3f', now), tag)
+  local record = redis.call('HMGET', KEYS[number], 'status', 'owner')
+  if record[1] == 'running' and record[2] and string.sub(record[2], 1, #worker) == worker then
+    redis.call('ZADD', KEYS[2], 'XX', string.format('%.3f', now + ARGV[1]), id)
+  end
+end
+return #KEYS - 2
+"""
+"""Renew the leases of everything that one worker holds: on the messages, and on the jobs that it solves."""

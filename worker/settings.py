@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from pydantic import Field, field_validator
+from typing import Self
+
+from pydantic import Field, field_validator, model_validator
 from pydantic_settings import BaseSettings, SettingsConfigDict
 
 from worker.address import celery_url
@@ -23,12 +25,46 @@ class QueueSettings(BaseSettings):
         ge=1,
         description="Seconds beyond options.max_seconds after which a worker's child is ended.",
     )
+    visibility_seconds: float = Field(
+        default=30.0,
+        ge=1,
+        description="Seconds of silence after which a worker is lost and its jobs are given to others.",
+    )
+    renewal_seconds: float = Field(
+        default=10.0, gt=0, description="Period in which a worker renews the leases of its jobs, in seconds."
+    )
+    sweep_seconds: float = Field(
+        default=5.0,
+        gt=0,
+        description="Period in which workers look for messages of lost ones, in seconds.",
+    )
+    outage_seconds: float = Field(
+        default=600.0,
+        ge=0,
+        description="Seconds for which a solve tries to store its answer while the broker is away.",
+    )
 
     @field_validator("broker")
     @classmethod
     def _broker_is_an_address(cls, value: str) -> str:
         celery_url(value)
         return value
+
+    @model_validator(mode="after")
+    def _leases_outlive_a_missed_renewal(self) -> Self:
+        if self.visibility_seconds < 3 * self.renewal_seconds:
+            raise ValueError(
+                "visibility_seconds must be at least three times renewal_seconds, for a renewal may be late"
+            )
+        return self
+
+    @property
+    def lease_seconds(self) -> float:
+        """How long a running job belongs to a solve that is silent, in seconds.
+
+        Shorter than the silence after which its message is delivered again: whoever gets it may then start.
+        """
+        return self.visibility_seconds - self.renewal_seconds
 
 
 class WorkerSettings(QueueSettings):

@@ -42,6 +42,16 @@ _GIVEN_UP = JobError(
 )
 
 
+def new_owner(solver: str = "") -> str:
+    """Return a new word for the owner of a job; ``solver`` says whose it is (see `solver_of`)."""
+    return solver + secrets.token_hex(16)
+
+
+def solver_of(worker: str | None, pid: int | str | None = None) -> str:
+    """Return how the words begin by which ``worker``, or only its child ``pid``, owns jobs."""
+    return f"{worker}/" if pid is None else f"{worker}/{pid}/"
+
+
 class Signal(StrEnum):
     """What a running solve hears when it writes its progress."""
 
@@ -74,11 +84,17 @@ class JobStore:
         """Channel on which every change of status is published as ``<id> <status>``."""
         self._prefix = settings.prefix
         self._index = f"{settings.prefix}index"
+        self._queued = f"{settings.prefix}queued"
+        self._running = f"{settings.prefix}running"
+        self._unacked = f"{settings.prefix}unacked_index"
+        self._lease = settings.lease_seconds
         self._retention = max(1, round(settings.retention_days * 86_400))
         self._start = self._script(scripts.START)
         self._report = self._script(scripts.REPORT)
         self._finish = self._script(scripts.FINISH)
         self._fail = self._script(scripts.FAIL)
+        self._lose = self._script(scripts.LOSE)
+        self._renew = self._script(scripts.RENEW)
         self._hand_back = self._script(scripts.HAND_BACK)
         self._cancel = self._script(scripts.CANCEL)
         self._erase = self._script(scripts.ERASE)
@@ -87,18 +103,20 @@ class JobStore:
 
     def add(self, record: JobRecord, document: bytes) -> None:
         """Remember a new job and its ``document``, the JSON text as it was submitted."""
-        job, body, _, _ = self._keys(record.id)
+        job, body, *_ = self._keys(record.id)
         with self.redis.pipeline(transaction=True) as pipe:
             pipe.hset(job, mapping=cast(Any, record.to_hash()))
             pipe.set(body, zlib.compress(document, _COMPRESSION))
             pipe.zadd(self._index, {record.id: 0})
+            pipe.zadd(self._queued, {record.id: record.created_at})
             pipe.execute()
 
     def discard(self, job_id: str) -> None:
         """Forget a job that could not be queued, without a trace: its id was never told to anybody."""
         with self.redis.pipeline(transaction=True) as pipe:
             pipe.delete(*self._keys(job_id))
-            pipe.zrem(self._index, job_id)
+            for register in (self._index, self._queued, self._running):
+                pipe.zrem(register, job_id)
             pipe.execute()
 
     def get(self, job_id: str) -> JobRecord:
@@ -166,13 +184,14 @@ class JobStore:
 
     # The side of the worker.
 
-    def start(self, job_id: str) -> str | None:
+    def start(self, job_id: str, owner: str = "") -> str | None:
         """Make a job running; return the word by which its solve owns it, None if there is nothing to solve.
 
-        There is nothing to do for a job that has ended, that is not remembered, or that has now lost its
-        worker for the second time (it then ends as failed/worker_lost).
+        ``owner`` is a word of `new_owner`; a start that was asked before with the same word is confirmed.
+        There is nothing to do for a job that has ended, that is not remembered, that another solve owns, or
+        that has now lost its worker for the second time (it then ends as failed/worker_lost).
         """
-        owner = secrets.token_hex(16)
+        owner = owner or new_owner()
         answer = self._run(self._start, job_id, owner, MAX_LOSSES, _GIVEN_UP.to_json())
         return owner if answer == b"started" else None
 
@@ -199,13 +218,29 @@ class JobStore:
         failure = "" if error is None else error.to_json()
         return bool(self._run(self._finish, job_id, owner, status.value, failure, result or b""))
 
-    def fail(self, job_id: str, error: JobError) -> bool:
-        """End a running job whose solve cannot speak for itself any more; False if it is not running."""
-        return bool(self._run(self._fail, job_id, error.to_json()))
+    # The side of a worker's main process, which knows of its children's words only how they begin.
 
-    def hand_back(self, job_id: str) -> bool:
-        """Put a running job back to queued, because its worker shuts down; False if it is not running."""
-        return bool(self._run(self._hand_back, job_id))
+    def fail(self, job_id: str, error: JobError, solver: str = "") -> bool:
+        """End a running job whose solve cannot speak for itself; False if ``solver`` does not own it."""
+        return bool(self._run(self._fail, job_id, solver, error.to_json()))
+
+    def lose(self, job_id: str, solver: str, grace: float, error: JobError) -> bool:
+        """Note that ``solver`` has died, so that the job may be started anew; False if it does not own it.
+
+        One that had more than ``grace`` seconds beyond the job's ``max_seconds`` died of that: the job ends
+        with ``error``.
+        """
+        return bool(self._run(self._lose, job_id, solver, grace, error.to_json()))
+
+    def hand_back(self, job_id: str, solver: str = "") -> bool:
+        """Put a running job back to queued, as its worker shuts down; False if ``solver`` does not own it."""
+        return bool(self._run(self._hand_back, job_id, solver))
+
+    def renew(self, held: Sequence[tuple[str, str, str]]) -> None:
+        """Renew the leases of all messages that a worker holds: for each job id, delivery tag and solver."""
+        if held:
+            keys = [self._unacked, self._running, *(self._keys(job_id)[0] for job_id, _, _ in held)]
+            self._renew(keys=keys, args=[self._lease, *(word for words in held for word in words)])
 
     # Inside.
 
@@ -220,10 +255,11 @@ class JobStore:
         return cast(Callable[..., Any], self.redis.register_script(text))
 
     def _run(
-        self, script: Callable[..., Any], job_id: str, *args: str | int | bytes, keys: Sequence[str] = ()
+        self, script: Callable[..., Any], job_id: str, *args: str | float | bytes, keys: Sequence[str] = ()
     ) -> bytes | int | None:
-        common = (job_id, self.channel, repr(time.time()), self._retention, _MEMORY)
-        return cast(bytes | int | None, script(keys=[*self._keys(job_id), *keys], args=[*common, *args]))
+        common = (job_id, self.channel, repr(time.time()), self._retention, _MEMORY, self._lease)
+        ours = (*self._keys(job_id), self._queued, self._running)
+        return cast(bytes | int | None, script(keys=[*ours, *keys], args=[*common, *args]))
 
     def _records(self, ids: Sequence[bytes]) -> list[JobRecord]:
         with self.redis.pipeline(transaction=False) as pipe:

@@ -7,48 +7,78 @@ from __future__ import annotations
 
 import json
 import logging
+import os
+from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Any, cast
 
 from celery import Task
-from celery.exceptions import Reject
+from celery.exceptions import Reject, WorkerLostError
 from celery.worker.request import Request
 from redis.exceptions import RedisError
 
 from solvers.solve import solve
-from solvers.spec import check_document, parse_document
+from solvers.spec import JobSpec, check_document, parse_document
 from solvers.trajectory import Trajectory
 from worker import outcome
 from worker.errors import JobGone, JobNotFound
+from worker.patience import patiently, process_limit
 from worker.progress import StoreProgress
 from worker.queue import SOLVE_TASK
-from worker.store import JobStore
+from worker.store import JobStore, new_owner, solver_of
 
 logger = logging.getLogger(__name__)
 
 
-def solve_job(job_id: str, store: JobStore, result_limit: int) -> None:
+@dataclass(frozen=True, slots=True)
+class Limits:
+    """What one solve may take.
+
+    ``result_bytes`` of compressed result, ``grace`` seconds beyond the job's ``max_seconds``, after which its
+    process ends itself, and ``outage`` seconds to wait for a store that is away.
+    """
+
+    result_bytes: int
+    grace: float
+    outage: float
+
+
+def solve_job(job_id: str, store: JobStore, limits: Limits, solver: str = "") -> None:
     """Solve a job if there is something to solve, and write its end once.
 
-    Never raises for what a document or a solve does wrong: that is the end of the job. Raises RedisError if
-    the store stays away; the job is then as it was and its message may be delivered again.
+    ``solver`` begins the word by which the job is owned. Never raises for what a document or a solve does
+    wrong: that is the end of the job. Raises RedisError if the store stays away for too long; the job is then
+    as it was and its message may be delivered again.
     """
-    owner = store.start(job_id)
+    word = new_owner(solver)
+    owner = patiently(lambda: store.start(job_id, word), limits.outage, job_id)
     if owner is None:
         logger.info("job %s: nothing to solve", job_id)
         return
     with StoreProgress(store, job_id, owner) as progress:
-        try:
-            spec = check_document(parse_document(store.document(job_id)))
-            solution = solve(spec, progress, earlier_answer(store, spec.warm_start))
-            end = outcome.of_solution(solution, job_id, result_limit)
-        except RedisError:
-            raise
-        except Exception as error:  # noqa: BLE001  (logged and written as the job's error)
-            end = outcome.of_exception(error, job_id)
-    if store.finish(job_id, owner, end.status, end.error, end.result):
+        end = _solve(job_id, store, limits, progress)
+    written = patiently(
+        lambda: store.finish(job_id, owner, end.status, end.error, end.result), limits.outage, job_id
+    )
+    if written:
         logger.info("job %s: %s", job_id, end.status)
     else:
         logger.warning("job %s ended elsewhere meanwhile; this end (%s) is not written", job_id, end.status)
+
+
+def _solve(job_id: str, store: JobStore, limits: Limits, progress: StoreProgress) -> outcome.Outcome:
+    def read() -> tuple[JobSpec, Trajectory | None]:
+        spec = check_document(parse_document(store.document(job_id)))
+        return spec, earlier_answer(store, spec.warm_start)
+
+    try:
+        spec, earlier = patiently(read, limits.outage, job_id)
+        with process_limit(float(spec.options.max_seconds) + limits.grace):
+            return outcome.of_solution(solve(spec, progress, earlier), job_id, limits.result_bytes)
+    except RedisError:
+        raise
+    except Exception as error:  # noqa: BLE001  (logged and written as the job's error)
+        return outcome.of_exception(error, job_id)
 
 
 def earlier_answer(store: JobStore, job_id: str | None) -> Trajectory | None:
@@ -68,19 +98,39 @@ class JobRequest(Request):
     def on_timeout(self, soft: bool, timeout: float) -> None:
         """Write the end of a job whose child was killed because it overstayed the hard time limit."""
         if not soft:
-            self._tell(lambda store: store.fail(self.id, outcome.TIMED_OUT))
+            self._tell(lambda task: task.store.fail(self.id, outcome.TIMED_OUT, self._solver))
         super().on_timeout(soft, timeout)
 
     def cancel(self, pool: Any, signal: Any = None, emit_retry: bool = True) -> None:
         """End the child because the worker shuts down; the message goes back and the job with it."""
         super().cancel(pool, signal, emit_retry)
-        self._tell(lambda store: store.hand_back(self.id))
+        # Any child of ours: one that has just started may not have told its number yet.
+        self._tell(lambda task: task.store.hand_back(self.id, solver_of(self.hostname)))
 
-    def _tell(self, write: Any) -> None:
+    def on_failure(self, exc_info: Any, send_failed_event: bool = True, return_ok: bool = False) -> None:
+        """Note that a child has died, so that the message, which goes back, starts the job anew.
+
+        One that aborted itself would do so again.
+        """
+        # Billiard wraps some exceptions together with their trace.
+        error = getattr(exc_info.exception, "exc", exc_info.exception)
+        if isinstance(error, WorkerLostError) and "SIGABRT" in str(error):
+            self._tell(lambda task: task.store.fail(self.id, outcome.ABORTED, self._solver))
+        elif isinstance(error, WorkerLostError | SystemExit):
+            self._tell(
+                lambda task: task.store.lose(self.id, self._solver, task.limits.grace, outcome.TIMED_OUT)
+            )
+        super().on_failure(exc_info, send_failed_event, return_ok)
+
+    @property
+    def _solver(self) -> str:
+        return solver_of(self.hostname, self.worker_pid)
+
+    def _tell(self, write: Callable[[SolveTask], object]) -> None:
         try:
-            write(cast(SolveTask, self.task).store)
+            write(cast(SolveTask, self.task))
         except RedisError:
-            # The main process must live on; the job's next start finds a lost worker instead.
+            # The main process must live on; nobody renews the job's lease any more, and that tells as well.
             logger.exception("job %s: the store does not answer", self.id)
 
 
@@ -90,14 +140,14 @@ class SolveTask(Task):  # type: ignore[type-arg]
     name = SOLVE_TASK
     Request = JobRequest  # type: ignore[assignment]  # Celery takes a class as well as its name.
 
-    def __init__(self, store: JobStore, result_limit: int) -> None:
+    def __init__(self, store: JobStore, limits: Limits) -> None:
         self.store = store
-        self._result_limit = result_limit
+        self.limits = limits
 
     def run(self, job_id: str) -> None:
         """Solve the job; gives the message back if the store stays away."""
         try:
-            solve_job(job_id, self.store, self._result_limit)
+            solve_job(job_id, self.store, self.limits, solver_of(self.request.hostname, os.getpid()))
         except RedisError as error:
             logger.exception("job %s: the store does not answer; the message goes back", job_id)
             raise Reject(str(error), requeue=True) from error

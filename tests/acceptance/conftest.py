@@ -34,6 +34,14 @@ API = (
 )
 
 
+# Leases that are over soon, so that tests need not wait for half a minute.
+SHORT = {
+    "ONDELETTE_VISIBILITY_SECONDS": "3",
+    "ONDELETTE_RENEWAL_SECONDS": "1",
+    "ONDELETTE_SWEEP_SECONDS": "0.5",
+}
+
+
 @dataclass(frozen=True)
 class Running:
     """A running process and the file that it writes to."""
@@ -94,6 +102,7 @@ class Deployment:
             yield Running(process, log)
         finally:
             process.send_signal(signal.SIGTERM)
+            process.send_signal(signal.SIGCONT)
             try:
                 process.wait(15)
             except subprocess.TimeoutExpired:

@@ -16,6 +16,9 @@ from worker.settings import QueueSettings
 
 Document = dict[str, Any]
 
+# What a solve may take beyond its max_seconds, and what its process may take besides to store its answer.
+LIMITS = {"ONDELETTE_GRACE_SECONDS": "1", "ONDELETTE_OUTAGE_SECONDS": "2"}
+
 
 @pytest.fixture
 def own(broker: str, tmp_path: Path, request: pytest.FixtureRequest) -> Deployment:
@@ -29,7 +32,7 @@ def worker_and_api(
 ) -> Iterator[tuple[Running, httpx.Client]]:
     """A worker that solves one job at a time and outlives what is done to its children, and its API."""
     deployment = Deployment(QueueSettings(broker=broker, prefix="faults:"), tmp_path_factory.mktemp("faults"))
-    with deployment.worker(slots=1) as worker, deployment.api(ONDELETTE_GRACE_SECONDS="1") as api:
+    with deployment.worker(slots=1, **LIMITS) as worker, deployment.api(**LIMITS) as api:
         yield worker, api
 
 
@@ -69,6 +72,20 @@ def test_a_job_whose_child_is_killed_is_solved_by_another(
 
 
 @linux
+def test_a_job_whose_child_aborts_itself_is_not_tried_again(
+    worker_and_api: tuple[Running, httpx.Client], long_job: Document
+) -> None:
+    """C++ code that finds no memory, at a place where it cannot say so, ends its process."""
+    worker, api = worker_and_api
+    job_id = submit(api, long_job)
+    wait_until(lambda: status(api, job_id) == "running")
+    (child,) = children(worker.process.pid)
+    os.kill(child, signal.SIGABRT)
+    job = api.get(f"/v1/jobs/{job_id}", params={"wait": 30}).json()
+    assert (job["status"], job["attempts"], job["error"]["type"]) == ("failed", 1, "out_of_memory")
+
+
+@linux
 def test_a_job_that_kills_its_children_is_given_up(
     worker_and_api: tuple[Running, httpx.Client], long_job: Document
 ) -> None:
@@ -88,15 +105,20 @@ def test_a_job_that_kills_its_children_is_given_up(
 
 
 @linux
-def test_a_child_that_does_not_answer_is_ended_at_the_hard_limit(
-    worker_and_api: tuple[Running, httpx.Client], long_job: Document
+@pytest.mark.parametrize("goes_on", [True, False])
+def test_a_child_that_does_not_answer_is_ended_at_its_limit(
+    worker_and_api: tuple[Running, httpx.Client], long_job: Document, goes_on: bool
 ) -> None:
+    """By itself as soon as it runs again, else by the worker."""
     worker, api = worker_and_api
     long_job["options"]["max_seconds"] = 1
     job_id = submit(api, long_job)
     wait_until(lambda: status(api, job_id) == "running")
     (child,) = children(worker.process.pid)
     os.kill(child, signal.SIGSTOP)
+    if goes_on:
+        time.sleep(2.5)
+        os.kill(child, signal.SIGCONT)
     job = api.get(f"/v1/jobs/{job_id}", params={"wait": 30}).json()
     assert (job["status"], job["error"]["type"], job["attempts"]) == ("failed", "time_limit", 1)
     assert api.get(f"/v1/jobs/{job_id}/result").status_code == 404

@@ -8,6 +8,7 @@ from collections.abc import Callable
 import pytest
 
 from solvers.progress import ProgressReport
+from worker.outcome import TIMED_OUT
 from worker.progress import StoreProgress
 from worker.records import JobRecord, JobStatus, new_job_id
 from worker.settings import QueueSettings
@@ -58,6 +59,7 @@ def test_a_cancelled_job_is_heard_of(store: JobStore, job_id: str, owner: str) -
 
 def test_a_solve_stops_when_its_job_is_not_its_own_any_more(store: JobStore, job_id: str, owner: str) -> None:
     with StoreProgress(store, job_id, owner, period=0.02) as progress:
+        assert store.lose(job_id, "", 3_600, TIMED_OUT)
         assert store.start(job_id) is not None
         assert within(1, progress.cancelled)
 

@@ -2,6 +2,7 @@ import time
 from pathlib import Path
 
 import pytest
+from pydantic import ValidationError
 from redis import Redis
 
 from worker.errors import QueueUnavailable
@@ -49,4 +50,11 @@ def test_only_json_is_accepted_and_nothing_is_lost_with_a_worker(queue_settings:
     assert conf.task_reject_on_worker_lost
     assert conf.worker_prefetch_multiplier == 1
     assert conf.task_soft_time_limit is None
-    assert conf.broker_transport_options["visibility_timeout"] >= 2 * conf.task_time_limit
+
+
+def test_a_lease_is_renewed_before_it_is_over_and_over_before_the_message_comes_again() -> None:
+    settings = QueueSettings()
+    assert settings.renewal_seconds < settings.lease_seconds < settings.visibility_seconds
+    assert make_celery(settings).conf.broker_transport_options["visibility_timeout"] == 30
+    with pytest.raises(ValidationError, match="at least three times renewal_seconds"):
+        QueueSettings(visibility_seconds=10, renewal_seconds=5)

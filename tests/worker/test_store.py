@@ -27,6 +27,10 @@ def started(store: JobStore, job_id: str) -> str:
     return owner
 
 
+def lost(store: JobStore, job_id: str) -> None:
+    assert store.lose(job_id, "", 3_600, ERROR)
+
+
 def ended(store: JobStore, job_id: str, status: JobStatus = JobStatus.SUCCEEDED) -> None:
     assert store.finish(job_id, started(store, job_id), status, result=compress(b'{"success": true}'))
 
@@ -147,19 +151,21 @@ def test_of_many_solves_of_one_job_exactly_one_writes_its_end(store: JobStore) -
 
 def test_a_solve_given_up_for_lost_writes_nothing_any_more(store: JobStore) -> None:
     job_id = add(store)
-    lost = started(store, job_id)
+    silent = started(store, job_id)
+    lost(store, job_id)
     owner = started(store, job_id)
     assert store.get(job_id).attempts == 2
-    assert store.report(job_id, lost, ProgressReport("solve", 99)) is Signal.LOST
-    assert not store.finish(job_id, lost, JobStatus.FAILED, ERROR)
+    assert store.report(job_id, silent, ProgressReport("solve", 99)) is Signal.LOST
+    assert not store.finish(job_id, silent, JobStatus.FAILED, ERROR)
     assert store.get(job_id).progress is None
     assert store.finish(job_id, owner, JobStatus.SUCCEEDED)
 
 
 def test_a_job_that_loses_its_worker_twice_is_given_up(store: JobStore) -> None:
     job_id = add(store)
-    started(store, job_id)
-    started(store, job_id)
+    for _ in range(2):
+        started(store, job_id)
+        lost(store, job_id)
     assert store.start(job_id) is None
     record = store.get(job_id)
     assert (record.status, record.attempts, record.losses) == (JobStatus.FAILED, 2, 2)
@@ -199,6 +205,7 @@ def test_a_running_job_hears_that_it_is_cancelled(store: JobStore) -> None:
 def test_a_cancelled_job_whose_worker_is_lost_is_not_started_again(store: JobStore) -> None:
     job_id = add(store)
     started(store, job_id)
+    lost(store, job_id)
     store.cancel(job_id)
     assert store.start(job_id) is None
     assert store.get(job_id).status is JobStatus.CANCELLED

@@ -7,13 +7,14 @@ from celery.exceptions import Reject
 
 from solvers.progress import ProgressReport
 from tests.bad_documents import FLEXIBLE_SPACECRAFT
+from worker.outcome import TIMED_OUT
 from worker.queue import make_celery
 from worker.records import FailureType, JobRecord, JobStatus, new_job_id
 from worker.settings import QueueSettings
 from worker.store import JobStore, connect
-from worker.tasks import SolveTask, solve_job
+from worker.tasks import Limits, SolveTask, solve_job
 
-LIMIT = 2**25
+LIMITS = Limits(2**25, grace=30.0, outage=0.0)
 
 
 def add(store: JobStore, document: Any) -> str:
@@ -28,7 +29,7 @@ def job_id(store: JobStore) -> str:
 
 
 def test_a_job_is_solved_and_its_end_written(store: JobStore, job_id: str) -> None:
-    solve_job(job_id, store, LIMIT)
+    solve_job(job_id, store, LIMITS)
     record = store.get(job_id)
     assert (record.status, record.attempts) == (JobStatus.SUCCEEDED, 1)
     result = json.loads(store.result(job_id) or b"")
@@ -36,27 +37,27 @@ def test_a_job_is_solved_and_its_end_written(store: JobStore, job_id: str) -> No
 
 
 def test_a_message_that_comes_twice_changes_nothing(store: JobStore, job_id: str) -> None:
-    solve_job(job_id, store, LIMIT)
+    solve_job(job_id, store, LIMITS)
     before = store.get(job_id)
-    solve_job(job_id, store, LIMIT)
+    solve_job(job_id, store, LIMITS)
     assert store.get(job_id) == before
 
 
 def test_a_cancelled_job_is_passed_over(store: JobStore, job_id: str) -> None:
     store.cancel(job_id)
-    solve_job(job_id, store, LIMIT)
+    solve_job(job_id, store, LIMITS)
     record = store.get(job_id)
     assert (record.status, record.attempts, record.has_result) == (JobStatus.CANCELLED, 0, False)
 
 
 def test_a_job_that_nobody_remembers_is_passed_over(store: JobStore) -> None:
-    solve_job(new_job_id(), store, LIMIT)
+    solve_job(new_job_id(), store, LIMITS)
     assert store.page(10) == ([], None)
 
 
 def test_a_document_that_the_worker_refuses_is_an_internal_error(store: JobStore) -> None:
     job_id = add(store, {"schema": 1})
-    solve_job(job_id, store, LIMIT)
+    solve_job(job_id, store, LIMITS)
     error = store.get(job_id).error
     assert error is not None
     assert error.type is FailureType.INTERNAL
@@ -71,13 +72,14 @@ def test_a_solve_that_lost_its_job_meanwhile_writes_nothing(
     others: list[str | None] = []
     solve = worker.tasks.solve
 
-    def slow_solve(spec: Any, progress: Any) -> Any:
-        solution = solve(spec, progress)
+    def slow_solve(*arguments: Any) -> Any:
+        solution = solve(*arguments)
+        assert store.lose(job_id, "", 3_600, TIMED_OUT)
         others.append(store.start(job_id))
         return solution
 
     monkeypatch.setattr(worker.tasks, "solve", slow_solve)
-    solve_job(job_id, store, LIMIT)
+    solve_job(job_id, store, LIMITS)
     record = store.get(job_id)
     assert (record.status, record.attempts, record.has_result) == (JobStatus.RUNNING, 2, False)
     (other,) = others
@@ -88,7 +90,7 @@ def test_a_solve_that_lost_its_job_meanwhile_writes_nothing(
 def test_a_message_goes_back_while_the_store_is_away() -> None:
     settings = QueueSettings(broker="unix:///nowhere/at/all.sock")
     task = make_celery(settings).register_task(
-        SolveTask(JobStore(connect(settings, retries=0), settings), LIMIT)
+        SolveTask(JobStore(connect(settings, retries=0), settings), LIMITS)
     )
     with pytest.raises(Reject) as caught:
         task.run(new_job_id())

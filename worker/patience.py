@@ -1,0 +1,55 @@
+"""How long a solve may take, and how long it waits for a store that is away."""
+
+from __future__ import annotations
+
+import contextlib
+import faulthandler
+import logging
+import sys
+import time
+from collections.abc import Callable, Iterator
+from typing import TypeVar
+
+from redis.exceptions import RedisError
+
+logger = logging.getLogger(__name__)
+
+T = TypeVar("T")
+
+_PAUSE = 0.5
+
+
+def patiently(ask: Callable[[], T], seconds: float, job_id: str) -> T:
+    """Return what ``ask`` returns, asked again and again while the store is away or takes nothing.
+
+    Raises the last RedisError if that lasts for more than ``seconds``. Asking twice must do no harm.
+    """
+    give_up = time.monotonic() + seconds
+    away = False
+    while True:
+        try:
+            return ask()
+        except RedisError as error:
+            if time.monotonic() > give_up:
+                raise
+            if not away:
+                logger.warning(
+                    "job %s: the store does not answer (%s); trying for %g s", job_id, error, seconds
+                )
+            away = True
+            time.sleep(_PAUSE)
+
+
+@contextlib.contextmanager
+def process_limit(seconds: float) -> Iterator[None]:
+    """End this process, with a trace of all its threads on stderr, if the context lasts for ``seconds``.
+
+    A thread of the interpreter's own watches, which needs no interpreter: also a solve that never comes back
+    from its library is ended.
+    """
+    # Celery puts a logger in the place of stderr, which has no file to write to.
+    faulthandler.dump_traceback_later(seconds, exit=True, file=sys.__stderr__ or sys.stderr)
+    try:
+        yield
+    finally:
+        faulthandler.cancel_dump_traceback_later()
