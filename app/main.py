@@ -13,6 +13,7 @@ from app.middleware import BodyLimit, HostGuard, RequestContext
 from app.routes import catalogue, health, jobs, pages, results
 from app.service import Service
 from app.settings import Settings
+from app.upkeep import upkeep
 
 LOOPBACK_NAMES = frozenset({"localhost", "127.0.0.1", "::1", "testserver"})
 
@@ -27,7 +28,7 @@ def create_app(settings: Settings | None = None) -> FastAPI:
 
     @contextlib.asynccontextmanager
     async def lifespan(app: FastAPI) -> AsyncIterator[None]:
-        async with service.watch.running():
+        async with service.watch.running(), upkeep(service.reconciler, settings.reconcile_seconds):
             yield
         service.close()
 

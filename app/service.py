@@ -18,6 +18,7 @@ from solvers.spec import JobSpec, check_document, parse_document
 from worker.claims import Claims
 from worker.errors import JobGone, JobNotFound, QueueUnavailable
 from worker.queue import JobQueue, make_celery
+from worker.reconciler import Reconciler
 from worker.records import JobRecord, JobStatus, new_job_id
 from worker.store import JobStore, connect
 
@@ -33,14 +34,23 @@ class Service:
     queue: JobQueue
     claims: Claims
     watch: StatusWatch
+    reconciler: Reconciler
 
     @classmethod
     def of(cls, settings: Settings) -> Service:
         """Return the service for a broker; nothing is connected before it is used."""
-        redis = connect(settings)
+        # Somebody waits for the answer: a server that does not answer soon is away.
+        redis = connect(settings, timeout=3.0)
         store = JobStore(redis, settings)
         queue = JobQueue(make_celery(settings), redis, settings)
-        return cls(settings, store, queue, Claims(redis, settings), StatusWatch(store, settings))
+        return cls(
+            settings,
+            store,
+            queue,
+            Claims(redis, settings),
+            StatusWatch(store, settings),
+            Reconciler(store, queue, settings.visibility_seconds, settle=settings.reconcile_seconds / 2),
+        )
 
     def close(self) -> None:
         """Close the connections."""

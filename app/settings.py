@@ -18,6 +18,11 @@ class Settings(QueueSettings):
         description="Host names, separated by commas, under which the service may be asked, besides the "
         "loopback names and the address of the connection itself; * allows every name.",
     )
+    reconcile_seconds: float = Field(
+        default=10.0,
+        gt=0,
+        description="Period in which one of all API processes looks for jobs that nobody has, in seconds.",
+    )
     body_bytes: int = Field(default=2 * 2**20, ge=1024, description="Largest request body, in bytes.")
 
     @field_validator("allowed_hosts", mode="before")

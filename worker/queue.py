@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import json
 import math
+import time
 from typing import cast
 
 from celery import Celery
@@ -16,6 +18,7 @@ from worker.address import celery_url
 from worker.errors import QueueUnavailable
 from worker.settings import QueueSettings
 
+_PUBLISHED = "published"
 SOLVE_TASK = "ondelette.solve"
 QUEUE = "solve"
 MAX_JOB_SECONDS = 3600
@@ -84,6 +87,7 @@ class JobQueue:
                 SOLVE_TASK,
                 args=[job_id],
                 task_id=job_id,
+                headers={_PUBLISHED: time.time()},
                 time_limit=math.ceil(max_seconds + self._beyond),
                 retry=True,
                 retry_policy={"max_retries": 1, "interval_start": 0.1, "interval_step": 0.2},
@@ -94,6 +98,16 @@ class JobQueue:
     def close(self) -> None:
         """Close the connections by which jobs are published."""
         self._celery.close()
+
+    def head(self) -> float | None:
+        """Return when the message that is fetched next was published, None if there is none."""
+        message = cast(bytes | None, self._redis.lindex(f"{self._prefix}{QUEUE}", -1))
+        return None if message is None else float(json.loads(message)["headers"][_PUBLISHED])
+
+    def in_flight(self) -> set[str]:
+        """Return the ids of the jobs whose messages workers hold, or held before they were lost."""
+        held = cast(list[bytes], self._redis.hvals(f"{self._prefix}unacked"))
+        return {str(json.loads(text)[0]["headers"]["id"]) for text in held}
 
     def depth(self) -> int:
         """Return how many jobs wait that no worker has fetched."""

@@ -166,6 +166,21 @@ return 1
 )
 """Put a running job back to queued: for the main process of a worker that returns the message and ends."""
 
+RECLAIM = (
+    _COMMON
+    + """
+-- ARGV[7] losses that end the job, ARGV[8] the error it then has.
+if status() ~= 'running' then
+  redis.call('ZREM', KEYS[6], ARGV[1])
+  return 0
+end
+if held() or not survives(ARGV[7], ARGV[8]) then return 0 end
+requeue()
+return 1
+"""
+)
+"""Put a running job that nobody owns any more back to queued, 1 if it is to be published again."""
+
 CANCEL = (
     _COMMON
     + """

@@ -60,11 +60,14 @@ class Signal(StrEnum):
     LOST = "lost"
 
 
-def connect(settings: QueueSettings, retries: int = 1) -> Redis:
-    """Return a client that tries a failed command ``retries`` times more, after 0.1 s, doubling to 2 s."""
+def connect(settings: QueueSettings, retries: int = 1, timeout: float = 5.0) -> Redis:
+    """Return a client that waits ``timeout`` seconds for an answer.
+
+    It tries a failed command ``retries`` times more, after 0.1 s, doubling to 2 s.
+    """
     return Redis.from_url(
         redis_url(settings.broker),
-        socket_timeout=5.0,
+        socket_timeout=timeout,
         socket_connect_timeout=2.0,
         health_check_interval=25,
         retry=Retry(ExponentialBackoff(cap=2.0, base=0.1), retries),
@@ -95,6 +98,7 @@ class JobStore:
         self._fail = self._script(scripts.FAIL)
         self._lose = self._script(scripts.LOSE)
         self._renew = self._script(scripts.RENEW)
+        self._reclaim = self._script(scripts.RECLAIM)
         self._hand_back = self._script(scripts.HAND_BACK)
         self._cancel = self._script(scripts.CANCEL)
         self._erase = self._script(scripts.ERASE)
@@ -242,7 +246,45 @@ class JobStore:
             keys = [self._unacked, self._running, *(self._keys(job_id)[0] for job_id, _, _ in held)]
             self._renew(keys=keys, args=[self._lease, *(word for words in held for word in words)])
 
+    # The side of the reconciler.
+
+    def take_turn(self, task: str, seconds: float) -> bool:
+        """Tell whether this process is the one that does ``task`` during the next ``seconds``."""
+        return bool(
+            self.redis.set(f"{self._prefix}turn:{task}", "", nx=True, px=max(1, round(1000 * seconds)))
+        )
+
+    def queued_before(self, moment: float, limit: int) -> list[str]:
+        """List jobs that were last published before ``moment`` and wait since, longest first."""
+        return self._listed(self._queued, moment, limit)
+
+    def silent(self, seconds: float, limit: int) -> list[str]:
+        """List running jobs whose lease has been over for ``seconds``."""
+        now, _ = self.redis.time()
+        return self._listed(self._running, now - seconds, limit)
+
+    def published(self, job_id: str) -> None:
+        """Note that a waiting job was published again just now."""
+        self.redis.zadd(self._queued, {job_id: time.time()}, xx=True)
+
+    def unlist(self, job_id: str) -> None:
+        """Take a job that does not wait off the list of those that do."""
+        self.redis.zrem(self._queued, job_id)
+
+    def reclaim(self, job_id: str) -> bool:
+        """Take a job from a solve that is lost; True if it waits again and is to be published."""
+        return bool(self._run(self._reclaim, job_id, MAX_LOSSES, _GIVEN_UP.to_json()))
+
+    def tidy(self, limit: int) -> int:
+        """Drop those of the ``limit`` oldest entries of the list of jobs whose time of keeping has passed."""
+        ids = cast(list[bytes], self.redis.zrangebylex(self._index, "-", "+", start=0, num=limit))
+        return len(ids) - len(self._records(ids))
+
     # Inside.
+
+    def _listed(self, register: str, moment: float, limit: int) -> list[str]:
+        found = self.redis.zrangebyscore(register, "-inf", f"({moment!r}", start=0, num=limit)
+        return [job_id.decode() for job_id in cast(list[bytes], found)]
 
     def _keys(self, job_id: str) -> list[str]:
         # Whatever else somebody asks for is no job, and must not become part of a key.
