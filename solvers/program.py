@@ -295,7 +295,8 @@ def _triplet(matrix: ca.SX) -> tuple[Indices, Indices]:
 
 
 def _nonzeros(matrix: ca.SX) -> ca.SX:
-    return ca.SX(matrix.nz[:])
+    """The nonzeros as a column, common subexpressions written once: derivatives repeat themselves a lot."""
+    return ca.cse(ca.SX(matrix.nz[:]))
 
 
 def _dm(matrix: sparse.csr_array | sparse.csc_array) -> ca.DM:
