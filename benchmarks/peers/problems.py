@@ -1,4 +1,4 @@
-"""The catalogue's cases for libraries that know nothing of ondelette: standard library only.
+"""The catalogue's cases for libraries that know nothing of ondelette; needs NumPy, which all of them have.
 
 Reads the same JSON document that ondelette solves, so that bounds, ends, guess and model are the same by
 construction. Expressions are evaluated over whatever a library computes with (its ``functions``: an object
@@ -9,12 +9,17 @@ from __future__ import annotations
 
 import json
 import math
+import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-CASES = Path(__file__).resolve().parents[2] / "solvers" / "cases"
+ROOT = Path(__file__).resolve().parents[2]
+sys.path.append(str(ROOT))  # a peer's environment has no ondelette: only its parser is wanted
+from solvers.expressions import parse  # noqa: E402
+
+CASES = ROOT / "solvers" / "cases"
 TOLERANCE = 1e-8
 MAX_ITERATIONS = 3000
 FUNCTIONS = ("sin", "cos", "tan", "exp", "log", "sqrt")
@@ -94,7 +99,7 @@ def evaluate(text: str | float, scope: dict[str, Any]) -> Any:
     """The value of an expression of a document of the catalogue."""
     if not isinstance(text, str):
         return text
-    return eval(text.replace("^", "**"), {"__builtins__": {}}, scope)
+    return parse(text).evaluate(scope, scope)
 
 
 def solve(matrix: list[list[Any]], right: list[Any]) -> list[Any]:
