@@ -30,11 +30,13 @@ from app.client_answers import (
     WaitTimeout,
 )
 from app.client_calls import Call, Outcome, Steps
+from app.client_events import SILENCE, Event, Following
 
 __all__ = [
     "AsyncClient",
     "Client",
     "ClientError",
+    "Event",
     "Job",
     "JobFailed",
     "JobFilters",
@@ -142,6 +144,30 @@ class Client:
             page = self._carry_out(calls.next_page(page))
             yield from page.jobs
 
+    def events(self, job_id: str, *, after: str | None = None) -> Iterator[Event]:
+        """Iterate over what happens to a job until it ends, from its beginning or behind the event ``after``.
+
+        A stream that is cut is taken up again.
+        """
+        following = Following(job_id, after)
+        while not following.ended:
+            error: httpx.TransportError | None = None
+            pause: float | None = None
+            try:
+                with self._http.stream(
+                    "GET", following.path, headers=following.headers, timeout=SILENCE
+                ) as response:
+                    if not response.is_success:
+                        response.read()
+                    pause = following.begin(response)
+                    for line in response.iter_lines() if pause is None else ():
+                        if (event := following.read(line)) is not None:
+                            yield event
+            except httpx.TransportError as cut:
+                error = cut
+            if not following.ended:
+                time.sleep(following.cut(error) if pause is None else pause)
+
 
 class AsyncClient:
     """The same client for asyncio: the methods of `Client`, awaited."""
@@ -196,6 +222,28 @@ class AsyncClient:
     delete = _asynchronous(calls.delete)
     cases = _asynchronous(calls.cases)
     case = _asynchronous(calls.case)
+
+    async def events(self, job_id: str, *, after: str | None = None) -> AsyncIterator[Event]:
+        """Iterate over what happens to a job, as `Client.events`."""
+        following = Following(job_id, after)
+        while not following.ended:
+            error: httpx.TransportError | None = None
+            pause: float | None = None
+            try:
+                async with self._http.stream(
+                    "GET", following.path, headers=following.headers, timeout=SILENCE
+                ) as response:
+                    if not response.is_success:
+                        await response.aread()
+                    pause = following.begin(response)
+                    if pause is None:
+                        async for line in response.aiter_lines():
+                            if (event := following.read(line)) is not None:
+                                yield event
+            except httpx.TransportError as cut:
+                error = cut
+            if not following.ended:
+                await asyncio.sleep(following.cut(error) if pause is None else pause)
 
     async def jobs(self, **filters: Unpack[JobFilters]) -> AsyncIterator[Job]:
         """Iterate over all jobs that match, newest first, page after page of ``limit``."""

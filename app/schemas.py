@@ -33,6 +33,7 @@ class JobLinks(BaseModel):
     self: str
     spec: str
     cancel: str
+    events: str
     result: str
     trajectory: str
     plot: str
@@ -81,6 +82,7 @@ class JobView(BaseModel):
                 self=here,
                 spec=f"{here}/spec",
                 cancel=f"{here}/cancel",
+                events=f"{here}/events",
                 result=f"{here}/result",
                 trajectory=f"{here}/trajectory",
                 plot=f"{here}/plot.svg",

@@ -13,7 +13,8 @@ from redis.asyncio import Redis
 from redis.exceptions import RedisError
 
 from worker.address import redis_url
-from worker.records import JobRecord
+from worker.errors import JobGone, JobNotFound
+from worker.records import JobEvent, JobRecord
 from worker.settings import QueueSettings
 from worker.store import JobStore
 
@@ -22,11 +23,17 @@ logger = logging.getLogger(__name__)
 RECHECK = 2.0
 """Longest time between two looks at a job that is waited for, should a message be lost, in seconds."""
 
+HEARTBEAT = 15.0
+"""Time without an event after which a stream of events says that it is still there, in seconds."""
+
 _RECONNECT = 0.5
 
 
 class StatusWatch:
-    """One subscription for the whole process, which wakes those who wait for a job when it changes."""
+    """One subscription for the whole process, which wakes those who wait for a job when something happens.
+
+    Whoever waits does so for a text: ``<id>`` for all events of a job, ``<id> <event>`` for those of a kind.
+    """
 
     def __init__(self, store: JobStore, settings: QueueSettings) -> None:
         self._store = store
@@ -52,7 +59,7 @@ class StatusWatch:
         """Return the job when its status is final, or as it is after ``seconds``."""
         clock = asyncio.get_running_loop().time
         deadline = clock() + seconds
-        with self._woken(job_id) as event:
+        with self._woken(f"{job_id} status") as event:
             while True:
                 event.clear()
                 record = await run_in_threadpool(self._store.get, job_id)
@@ -63,16 +70,51 @@ class StatusWatch:
                     async with asyncio.timeout(min(left, RECHECK)):
                         await event.wait()
 
+    async def events(self, job_id: str, after: str) -> AsyncIterator[JobEvent | None]:
+        """Iterate over the events of a job from behind ``after`` until it ends; None says that all is quiet.
+
+        While the broker is away all is quiet too; it goes on with what was missed.
+        """
+        clock = asyncio.get_running_loop().time
+        spoke = clock()
+        with self._woken(job_id) as woken:
+            while True:
+                woken.clear()
+                try:
+                    ended, news = await run_in_threadpool(self._look, job_id, after)
+                except RedisError:
+                    ended, news = False, []
+                for event in news:
+                    yield event
+                    after, spoke = event.number, clock()
+                    ended = ended or event.last
+                if ended:
+                    return
+                with contextlib.suppress(TimeoutError):
+                    async with asyncio.timeout(RECHECK):
+                        await woken.wait()
+                if clock() - spoke > HEARTBEAT:
+                    yield None
+                    spoke = clock()
+
+    def _look(self, job_id: str, after: str) -> tuple[bool, list[JobEvent]]:
+        try:
+            # In this order: of a job that had ended before, all events are there to be read.
+            ended = self._store.get(job_id).status.final
+            return ended, self._store.events(job_id, after)
+        except (JobNotFound, JobGone):
+            return True, []
+
     @contextlib.contextmanager
-    def _woken(self, job_id: str) -> Iterator[asyncio.Event]:
+    def _woken(self, text: str) -> Iterator[asyncio.Event]:
         event = asyncio.Event()
-        self._waiting[job_id].add(event)
+        self._waiting[text].add(event)
         try:
             yield event
         finally:
-            self._waiting[job_id].discard(event)
-            if not self._waiting[job_id]:
-                del self._waiting[job_id]
+            self._waiting[text].discard(event)
+            if not self._waiting[text]:
+                del self._waiting[text]
 
     async def _listen(self) -> None:
         while True:
@@ -102,9 +144,10 @@ class StatusWatch:
                     # Whatever changed while nobody listened is seen by a fresh look.
                     self._wake(list(self._waiting))
                 elif message["type"] == "message":
-                    self._wake([message["data"].decode().partition(" ")[0]])
+                    text = message["data"].decode()
+                    self._wake([text, text.partition(" ")[0]])
 
-    def _wake(self, job_ids: list[str]) -> None:
-        for job_id in job_ids:
-            for event in self._waiting.get(job_id, ()):
+    def _wake(self, texts: list[str]) -> None:
+        for text in texts:
+            for event in self._waiting.get(text, ()):
                 event.set()

@@ -15,6 +15,8 @@ from typing import Any
 
 _JOB_ID = re.compile(r"[0-9a-f]{8}-[0-9a-f]{4}-7[0-9a-f]{3}-[89ab][0-9a-f]{3}-[0-9a-f]{12}")
 
+_EVENT_NUMBER = re.compile(r"\d{1,18}-\d{1,18}")
+
 
 class JobStatus(StrEnum):
     """Where a job stands. The last three are final: a job never leaves them."""
@@ -141,6 +143,33 @@ class JobRecord:
             has_result=fields.get("has_result") == "1",
             version=int(fields["version"]),
         )
+
+
+FIRST = "0-0"
+"""Behind this number begin the events of every job."""
+
+
+@dataclass(frozen=True, slots=True)
+class JobEvent:
+    """Something that happened to a job; ``number`` grows (milliseconds since 1970, a hyphen, a count).
+
+    ``kind`` is ``status`` (data: ``status``, ``attempts``, ``cancel_requested``, ``error``, and ``at``, in
+    seconds since 1970), ``progress`` (the report) or ``result`` (there is one now; its size as it is kept).
+    """
+
+    number: str
+    kind: str
+    data: Mapping[str, Any]
+
+    @property
+    def last(self) -> bool:
+        """Tell whether nothing follows: the job has reached a final status."""
+        return self.kind == "status" and JobStatus(self.data["status"]).final
+
+
+def is_event_number(text: str) -> bool:
+    """Tell whether ``text`` is written like the number of an event."""
+    return _EVENT_NUMBER.fullmatch(text) is not None
 
 
 def new_job_id(now: float | None = None) -> str:

@@ -1,10 +1,10 @@
 """The changes of a job that must be one step for everyone: Lua scripts run inside the server.
 
-Every script about one job has KEYS = record, document, result, tombstone, queued, running and ARGV = id,
-channel, now, retention, memory, lease (how long, in seconds, an ended job is kept; how long after that it is
-known to have existed; how long a running job belongs to a solve that is silent), and its own arguments from
-ARGV[7] on. ``queued`` and ``running`` are sorted sets of job ids: by the time at which the job was published,
-and by the time until which its solve owns it.
+Every script about one job has KEYS = record, document, result, tombstone, queued, running, events, and ARGV =
+id, channel, now, retention, memory, lease (how long, in seconds, an ended job is kept; how long after that it
+is known to have existed; how long a running job belongs to a solve that is silent), and its own arguments
+from ARGV[7] on. ``queued`` and ``running`` are sorted sets of job ids: by the time at which the job was
+published, and by the time until which its solve owns it. ``events`` is the stream of what happened to it.
 
 Whoever solves a job is its ``owner``, a word written at the start: what any other solve of the same job
 writes later (a worker given up for lost, a message delivered twice) changes nothing. An owner whose lease is
@@ -36,6 +36,15 @@ local function held()
   local uptime = string.match(redis.call('INFO', 'server'), 'uptime_in_seconds:(%d+)')
   return tonumber(uptime) < tonumber(ARGV[6])
 end
+local function note(event, data)
+  redis.call('XADD', KEYS[7], 'MAXLEN', '~', 1000, '*', 'event', event, 'data', data)
+  redis.call('PUBLISH', ARGV[2], ARGV[1] .. ' ' .. event)
+end
+local function note_status()
+  local record = redis.call('HMGET', KEYS[1], 'status', 'attempts', 'cancel', 'error')
+  note('status', '{"status":"' .. record[1] .. '","attempts":' .. (record[2] or 0) .. ',"cancel_requested":'
+    .. tostring(record[3] == '1') .. ',"error":' .. (record[4] or 'null') .. ',"at":' .. ARGV[3] .. '}')
+end
 local function move(to)
   redis.call('HSET', KEYS[1], 'status', to)
   redis.call('HINCRBY', KEYS[1], 'version', 1)
@@ -43,15 +52,15 @@ local function move(to)
   redis.call('ZREM', KEYS[6], ARGV[1])
   if to == 'queued' then redis.call('ZADD', KEYS[5], redis.call('HGET', KEYS[1], 'created_at'), ARGV[1]) end
   if to == 'running' then lend(tonumber(ARGV[6])) end
-  redis.call('PUBLISH', ARGV[2], ARGV[1] .. ' ' .. to)
+  note_status()
 end
 local function finish(to, failure)
   redis.call('HSET', KEYS[1], 'finished_at', ARGV[3])
   redis.call('HDEL', KEYS[1], 'owner')
   if failure ~= '' then redis.call('HSET', KEYS[1], 'error', failure) end
-  for key = 1, 3 do redis.call('EXPIRE', KEYS[key], ARGV[4]) end
-  redis.call('SET', KEYS[4], '', 'EX', ARGV[4] + ARGV[5])
   move(to)
+  for _, key in ipairs({KEYS[1], KEYS[2], KEYS[3], KEYS[7]}) do redis.call('EXPIRE', key, ARGV[4]) end
+  redis.call('SET', KEYS[4], '', 'EX', ARGV[4] + ARGV[5])
 end
 local function requeue()
   redis.call('HDEL', KEYS[1], 'owner', 'started_at', 'progress')
@@ -102,6 +111,7 @@ if left < ARGV[6] / 2 then lend(tonumber(ARGV[6])) end
 if ARGV[8] ~= '' then
   redis.call('HSET', KEYS[1], 'progress', ARGV[8])
   redis.call('HINCRBY', KEYS[1], 'version', 1)
+  note('progress', ARGV[8])
 end
 if redis.call('HGET', KEYS[1], 'cancel') == '1' then return 'cancel' end
 return 'go'
@@ -120,6 +130,7 @@ if not mine(ARGV[7]) then return 0 end
 if ARGV[10] ~= '' then
   redis.call('SET', KEYS[3], ARGV[10])
   redis.call('HSET', KEYS[1], 'has_result', '1')
+  note('result', '{"bytes":' .. #ARGV[10] .. '}')
 end
 finish(ARGV[8], ARGV[9])
 return 1
@@ -189,6 +200,7 @@ if now == 'queued' then finish('cancelled', '') end
 if now == 'running' and redis.call('HGET', KEYS[1], 'cancel') ~= '1' then
   redis.call('HSET', KEYS[1], 'cancel', '1')
   redis.call('HINCRBY', KEYS[1], 'version', 1)
+  note_status()
 end
 return status()
 """
@@ -198,11 +210,11 @@ return status()
 ERASE = (
     _COMMON
     + """
--- KEYS[7] the index.
+-- KEYS[8] the index.
 local now = status()
 if not now or now == 'queued' or now == 'running' then return now end
-redis.call('DEL', KEYS[1], KEYS[2], KEYS[3])
-redis.call('ZREM', KEYS[7], ARGV[1])
+redis.call('DEL', KEYS[1], KEYS[2], KEYS[3], KEYS[7])
+redis.call('ZREM', KEYS[8], ARGV[1])
 redis.call('SET', KEYS[4], '', 'EX', ARGV[5])
 return 'erased'
 """

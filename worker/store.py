@@ -23,7 +23,7 @@ from solvers.progress import ProgressReport
 from worker import scripts
 from worker.address import redis_url
 from worker.errors import JobActive, JobGone, JobNotFound
-from worker.records import FailureType, JobError, JobRecord, JobStatus, is_job_id
+from worker.records import FIRST, FailureType, JobError, JobEvent, JobRecord, JobStatus, is_job_id
 from worker.settings import QueueSettings
 
 MAX_LOSSES = 2
@@ -84,7 +84,7 @@ class JobStore:
     def __init__(self, redis: Redis, settings: QueueSettings) -> None:
         self.redis = redis
         self.channel = f"{settings.prefix}status"
-        """Channel on which every change of status is published as ``<id> <status>``."""
+        """Channel on which every event of a job is published as ``<id> <event>``."""
         self._prefix = settings.prefix
         self._index = f"{settings.prefix}index"
         self._queued = f"{settings.prefix}queued"
@@ -113,12 +113,13 @@ class JobStore:
             pipe.set(body, zlib.compress(document, _COMPRESSION))
             pipe.zadd(self._index, {record.id: 0})
             pipe.zadd(self._queued, {record.id: record.created_at})
+            pipe.xadd(self._stream(record.id), _first_event(record))
             pipe.execute()
 
     def discard(self, job_id: str) -> None:
         """Forget a job that could not be queued, without a trace: its id was never told to anybody."""
         with self.redis.pipeline(transaction=True) as pipe:
-            pipe.delete(*self._keys(job_id))
+            pipe.delete(*self._keys(job_id), self._stream(job_id))
             for register in (self._index, self._queued, self._running):
                 pipe.zrem(register, job_id)
             pipe.execute()
@@ -149,6 +150,16 @@ class JobStore:
             self.get(job_id)
             return None
         return zlib.decompress(packed)
+
+    def events(self, job_id: str, after: str = FIRST) -> list[JobEvent]:
+        """Return what happened to a job behind the event ``after``, oldest first; some 1,000 are kept."""
+        entries = cast(
+            list[tuple[bytes, dict[bytes, bytes]]], self.redis.xrange(self._stream(job_id), f"({after}")
+        )
+        return [
+            JobEvent(number.decode(), fields[b"event"].decode(), json.loads(fields[b"data"]))
+            for number, fields in entries
+        ]
 
     def cancel(self, job_id: str) -> JobRecord:
         """End a queued job, ask a running one to stop, leave an ended one as it is; return the record."""
@@ -293,6 +304,9 @@ class JobStore:
         job = f"{self._prefix}job:{job_id}"
         return [job, f"{job}:document", f"{job}:result", f"{self._prefix}gone:{job_id}"]
 
+    def _stream(self, job_id: str) -> str:
+        return f"{self._keys(job_id)[0]}:events"
+
     def _script(self, text: str) -> Callable[..., Any]:
         return cast(Callable[..., Any], self.redis.register_script(text))
 
@@ -300,7 +314,7 @@ class JobStore:
         self, script: Callable[..., Any], job_id: str, *args: str | float | bytes, keys: Sequence[str] = ()
     ) -> bytes | int | None:
         common = (job_id, self.channel, repr(time.time()), self._retention, _MEMORY, self._lease)
-        ours = (*self._keys(job_id), self._queued, self._running)
+        ours = (*self._keys(job_id), self._queued, self._running, self._stream(job_id))
         return cast(bytes | int | None, script(keys=[*ours, *keys], args=[*common, *args]))
 
     def _records(self, ids: Sequence[bytes]) -> list[JobRecord]:
@@ -312,6 +326,17 @@ class JobStore:
         if expired:
             self.redis.zrem(self._index, *expired)
         return [_record(fields) for fields in hashes if fields]
+
+
+def _first_event(record: JobRecord) -> dict[Any, Any]:
+    data = {
+        "status": record.status,
+        "attempts": 0,
+        "cancel_requested": False,
+        "error": None,
+        "at": record.created_at,
+    }
+    return {"event": "status", "data": json.dumps(data)}
 
 
 def compress(result: bytes) -> bytes:

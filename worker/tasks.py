@@ -95,6 +95,12 @@ def earlier_answer(store: JobStore, job_id: str | None) -> Trajectory | None:
 class JobRequest(Request):
     """A message in the worker's main process, which speaks for a child that cannot speak any more."""
 
+    def __init__(self, *args: Any, **kwargs: Any) -> None:
+        # Celery only logs that a message could not be acknowledged, and never gets the right back to fetch
+        # another in its place: the worker would stand still for ever. An error that is not listed makes it
+        # connect anew.
+        super().__init__(*args, **kwargs | {"connection_errors": ()})
+
     def on_timeout(self, soft: bool, timeout: float) -> None:
         """Write the end of a job whose child was killed because it overstayed the hard time limit."""
         if not soft:

@@ -12,6 +12,7 @@ import httpx
 import pytest
 from redis import Redis
 
+from app.client import Client
 from tests.acceptance.conftest import SHORT, Deployment, Running, wait_until
 from tests.problems import problem
 from tests.servers import DurableServer
@@ -116,13 +117,35 @@ def test_a_solve_stores_its_answer_when_the_server_is_back(
     small = {**spacecraft, "method": {"name": "swcm"}}
     waiting = [submit(api, small) for _ in range(3)]
     wait_until(lambda: read(api, running)["progress"] is not None)
-    server.kill()
-    time.sleep(away)
-    server.start()
+    with ThreadPoolExecutor(1) as thread, Client(str(api.base_url)) as client:
+        listener = thread.submit(lambda: list(client.events(running)))
+        time.sleep(0.2)
+        server.kill()
+        time.sleep(away)
+        server.start()
+        told = [event.data["status"] for event in listener.result(60) if event.type == "status"]
+    assert told == ["queued", "running", "succeeded"]
     assert [end(api, job_id) for job_id in (running, *waiting)] == [("succeeded", 1)] * 4
     result = api.get(f"/v1/jobs/{running}/result").json()
     assert (result["job_id"], result["success"]) == (running, True)
     assert worker.process.poll() is None
+
+
+def test_a_worker_that_cannot_acknowledge_fetches_the_next_job_all_the_same(
+    service: tuple[Running, httpx.Client], server: DurableServer, spacecraft: Document
+) -> None:
+    """The server is lost between the end of a job and the word that its message is done with."""
+    worker, api = service
+    job_id = submit(api, {**spacecraft, "method": {"name": "swcm", "J": 8}})
+    wait_until(lambda: read(api, job_id)["progress"] is not None)
+    worker.process.send_signal(signal.SIGSTOP)
+    assert end(api, job_id) == ("succeeded", 1)
+    server.kill()
+    worker.process.send_signal(signal.SIGCONT)
+    time.sleep(1.0)
+    server.start()
+    assert end(api, submit(api, {**spacecraft, "method": {"name": "swcm"}})) == ("succeeded", 1)
+    assert end(api, job_id) == ("succeeded", 1)
 
 
 @pytest.mark.parametrize("how", ["killed", "stopped"])

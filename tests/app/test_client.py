@@ -18,6 +18,7 @@ import pytest
 from app.client import (
     AsyncClient,
     Client,
+    Event,
     Job,
     JobFailed,
     RequestRefused,
@@ -110,6 +111,47 @@ def test_a_job_step_by_step(client: Client) -> None:
     with pytest.raises(RequestRefused) as refusal:
         client.job(job["id"])
     assert refusal.value.status == 410
+
+
+def test_the_events_of_a_job(client: Client, url: str) -> None:
+    job = client.submit(changed("/method", {"name": "swcm", "J": 6}))
+    live = list(client.events(job["id"]))
+    assert live[0].data["status"] == "queued"
+    assert live[-1].data["status"] == "succeeded"
+    assert [event.type for event in live].count("result") == 1
+    assert list(client.events(job["id"])) == live
+    assert list(client.events(job["id"], after=live[1].id)) == live[2:]
+    assert list(client.events(job["id"], after=live[-1].id)) == []
+    with pytest.raises(RequestRefused) as refusal:
+        next(client.events("unknown"))
+    assert refusal.value.status == 404
+
+    async def follow() -> list[Event]:
+        async with AsyncClient(url) as asynchronous:
+            return [event async for event in asynchronous.events(job["id"])]
+
+    assert asyncio.run(follow()) == live
+
+
+def event(number: int, status: str) -> bytes:
+    return f'id: {number}-0\nevent: status\ndata: {{"status":"{status}"}}\n\n'.encode()
+
+
+def test_a_stream_of_events_that_is_cut_is_taken_up_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("app.client_events._PAUSE", 0.0)
+    cut = b"retry: 2000\n\n" + event(1, "queued") + b": still here\n\nid: 2-0\nevent: sta"
+    away = (503, {"Retry-After": "0"}, b"{}")
+    answers = [(200, {}, cut), away, None, (200, {}, event(2, "running") + event(3, "succeeded"))]
+    with answering(*answers) as (url, asked), Client(url) as client:
+        heard = list(client.events("x"))
+    assert [each.data["status"] for each in heard] == ["queued", "running", "succeeded"]
+    assert len(asked) == 4
+    with (
+        answering(*[(200, {}, b"")] * 6) as (url, _),
+        Client(url) as client,
+        pytest.raises(ServerUnreachable),
+    ):
+        list(client.events("x"))
 
 
 def test_a_result_in_every_shape(client: Client, solved: dict[str, Any]) -> None:

@@ -313,7 +313,7 @@ def test_one_call_looks_at_a_bounded_number_of_jobs(store: JobStore) -> None:
     assert after is None
 
 
-def test_every_change_of_status_is_published(store: JobStore, redis: Redis) -> None:
+def test_every_event_is_published(store: JobStore, redis: Redis) -> None:
     with redis.pubsub(ignore_subscribe_messages=True) as listener:
         listener.subscribe(store.channel)
         listener.get_message(timeout=5)
@@ -324,4 +324,64 @@ def test_every_change_of_status_is_published(store: JobStore, redis: Redis) -> N
             heard.append(message["data"].decode())
             if len(heard) == 2:
                 break
-    assert heard == [f"{job_id} running", f"{job_id} succeeded"]
+    assert heard == [f"{job_id} status", f"{job_id} result"]
+
+
+def told(store: JobStore, job_id: str) -> list[object]:
+    """The events of a job: the status of those that tell one, the kind of others."""
+    return [event.data["status"] if event.kind == "status" else event.kind for event in store.events(job_id)]
+
+
+def test_everything_that_happens_to_a_job_is_an_event(store: JobStore) -> None:
+    job_id = add(store)
+    owner = started(store, job_id)
+    assert store.hand_back(job_id)
+    owner = started(store, job_id)
+    store.report(job_id, owner, ProgressReport("solve", 3))
+    store.report(job_id, owner, None)
+    store.cancel(job_id)
+    assert store.finish(job_id, owner, JobStatus.FAILED, ERROR, result=compress(b"{}"))
+    events = store.events(job_id)
+    assert told(store, job_id) == [
+        "queued",
+        "running",
+        "queued",
+        "running",
+        "progress",
+        "running",
+        "result",
+        "failed",
+    ]
+    assert [event.last for event in events] == [False] * 7 + [True]
+    assert events[4].data["iteration"] == 3
+    assert [event.data["cancel_requested"] for event in (events[3], events[5])] == [False, True]
+    assert events[-1].data["error"]["type"] == "infeasible"
+    assert events[-1].data["attempts"] == 2
+    assert store.events(job_id, events[4].number) == events[5:]
+    assert store.events(job_id, events[-1].number) == []
+
+
+def test_what_changes_nothing_is_no_event(store: JobStore) -> None:
+    job_id = add(store)
+    ended(store, job_id)
+    assert told(store, job_id) == ["queued", "running", "result", "succeeded"]
+    store.cancel(job_id)
+    store.start(job_id)
+    store.hand_back(job_id)
+    assert len(store.events(job_id)) == 4
+
+
+def test_events_are_kept_as_long_as_their_job_and_not_all_of_them(
+    store: JobStore, redis: Redis, queue_settings: QueueSettings
+) -> None:
+    job_id = add(store)
+    stream = f"{queue_settings.prefix}job:{job_id}:events"
+    owner = started(store, job_id)
+    for iteration in range(1_500):
+        store.report(job_id, owner, ProgressReport("solve", iteration))
+    assert 1_000 <= len(store.events(job_id)) < 1_300
+    assert redis.ttl(stream) == -1
+    assert store.finish(job_id, owner, JobStatus.SUCCEEDED)
+    assert redis.ttl(stream) == redis.ttl(f"{queue_settings.prefix}job:{job_id}") > 0
+    store.erase(job_id)
+    assert not redis.exists(stream)
