@@ -1,10 +1,11 @@
 """The changes of a job that must be one step for everyone: Lua scripts run inside the server.
 
-Every script about one job has KEYS = record, document, result, tombstone, queued, running, events, and ARGV =
-id, channel, now, retention, memory, lease (how long, in seconds, an ended job is kept; how long after that it
-is known to have existed; how long a running job belongs to a solve that is silent), and its own arguments
-from ARGV[7] on. ``queued`` and ``running`` are sorted sets of job ids: by the time at which the job was
-published, and by the time until which its solve owns it. ``events`` is the stream of what happened to it.
+Every script about one job has KEYS = record, document, result, tombstone, queued, running, events, counts,
+and ARGV = id, channel, now, retention, memory, lease (how long, in seconds, an ended job is kept; how long
+after that it is known to have existed; how long a running job belongs to a solve that is silent), and its own
+arguments from ARGV[7] on. ``queued`` and ``running`` are sorted sets of job ids: by the time at which the job
+was published, and by the time until which its solve owns it. ``events`` is the stream of what happened to it,
+``counts`` a hash of numbers over all jobs (`worker.counts`).
 
 Whoever solves a job is its ``owner``, a word written at the start: what any other solve of the same job
 writes later (a worker given up for lost, a message delivered twice) changes nothing. An owner whose lease is
@@ -13,6 +14,8 @@ the server itself was away.
 """
 
 from __future__ import annotations
+
+from worker.counts import BUCKETS
 
 _COMMON = """
 local function status() return redis.call('HGET', KEYS[1], 'status') end
@@ -36,6 +39,21 @@ local function held()
   local uptime = string.match(redis.call('INFO', 'server'), 'uptime_in_seconds:(%d+)')
   return tonumber(uptime) < tonumber(ARGV[6])
 end
+local function count(name, by) redis.call('HINCRBY', KEYS[8], name, by or 1) end
+local buckets = {BUCKETS}
+local function count_end(to, failure)
+  local record = redis.call('HMGET', KEYS[1], 'method', 'started_at')
+  local outcome = failure == '' and to or cjson.decode(failure).type
+  count('ended ' .. record[1] .. ' ' .. to .. ' ' .. outcome)
+  if not record[2] then return end
+  local seconds = math.max(0, ARGV[3] - record[2])
+  local name = record[1] .. ' ' .. outcome
+  redis.call('HINCRBYFLOAT', KEYS[8], 'seconds ' .. name, string.format('%.6f', seconds))
+  for _, bucket in ipairs(buckets) do
+    if seconds <= bucket then return count('within ' .. name .. ' ' .. bucket) end
+  end
+  count('within ' .. name .. ' +Inf')
+end
 local function note(event, data)
   redis.call('XADD', KEYS[7], 'MAXLEN', '~', 1000, '*', 'event', event, 'data', data)
   redis.call('PUBLISH', ARGV[2], ARGV[1] .. ' ' .. event)
@@ -55,6 +73,7 @@ local function move(to)
   note_status()
 end
 local function finish(to, failure)
+  count_end(to, failure)
   redis.call('HSET', KEYS[1], 'finished_at', ARGV[3])
   redis.call('HDEL', KEYS[1], 'owner')
   if failure ~= '' then redis.call('HSET', KEYS[1], 'error', failure) end
@@ -69,22 +88,28 @@ end
 -- Count a lost worker; false if that was the end of the job.
 local function survives(losses, failure)
   if redis.call('HGET', KEYS[1], 'cancel') == '1' then finish('cancelled', '') return false end
+  count('losses')
   if redis.call('HINCRBY', KEYS[1], 'losses', 1) < tonumber(losses) then return true end
   finish('failed', failure)
   return false
 end
-"""
+""".replace("BUCKETS", ", ".join(BUCKETS))
 
 START = (
     _COMMON
     + """
--- ARGV[7] owner, ARGV[8] losses that end the job, ARGV[9] the error it then has.
+-- ARGV[7] owner, ARGV[8] losses that end the job, ARGV[9] the error it then has, ARGV[10] 1 if the message
+-- was delivered before.
+if ARGV[10] == '1' then count('redeliveries') end
 local now = status()
 if not now then return 'missing' end
 if now == 'running' then
   -- The same start asked again because its answer was lost on the way.
   if mine(ARGV[7]) then return 'started' end
-  if held() then return 'busy' end
+  if held() then
+    count('duplicates')
+    return 'busy'
+  end
   if not survives(ARGV[8], ARGV[9]) then return status() end
 elseif now ~= 'queued' then
   return now
@@ -92,6 +117,7 @@ end
 redis.call('HSET', KEYS[1], 'owner', ARGV[7], 'started_at', ARGV[3])
 redis.call('HDEL', KEYS[1], 'progress')
 redis.call('HINCRBY', KEYS[1], 'attempts', 1)
+count('attempts')
 move('running')
 return 'started'
 """
@@ -186,6 +212,7 @@ if status() ~= 'running' then
   return 0
 end
 if held() or not survives(ARGV[7], ARGV[8]) then return 0 end
+count('reclaimed')
 requeue()
 return 1
 """
@@ -210,11 +237,11 @@ return status()
 ERASE = (
     _COMMON
     + """
--- KEYS[8] the index.
+-- KEYS[9] the index.
 local now = status()
 if not now or now == 'queued' or now == 'running' then return now end
 redis.call('DEL', KEYS[1], KEYS[2], KEYS[3], KEYS[7])
-redis.call('ZREM', KEYS[8], ARGV[1])
+redis.call('ZREM', KEYS[9], ARGV[1])
 redis.call('SET', KEYS[4], '', 'EX', ARGV[5])
 return 'erased'
 """
@@ -222,18 +249,19 @@ return 'erased'
 """Erase an ended job; answers ``erased``, or the status that forbids it, or nothing where there is no job."""
 
 RENEW = """
--- KEYS = unacked index of the broker, running, then a record for each request.
+-- KEYS = unacked index of the broker, running, counts, then a record for each request.
 -- ARGV = lease, then job id, delivery tag and beginning of the owner's word for each request.
 local time = redis.call('TIME')
 local now = tonumber(time[1]) + tonumber(time[2]) / 1e6
-for number = 3, #KEYS do
-  local id, tag, worker = ARGV[3 * number - 7], ARGV[3 * number - 6], ARGV[3 * number - 5]
+for number = 4, #KEYS do
+  local id, tag, worker = ARGV[3 * number - 10], ARGV[3 * number - 9], ARGV[3 * number - 8]
   redis.call('ZADD', KEYS[1], 'XX', string.format('%.3f', now), tag)
   local record = redis.call('HMGET', KEYS[number], 'status', 'owner')
   if record[1] == 'running' and record[2] and string.sub(record[2], 1, #worker) == worker then
     redis.call('ZADD', KEYS[2], 'XX', string.format('%.3f', now + ARGV[1]), id)
   end
 end
-return #KEYS - 2
+redis.call('HINCRBY', KEYS[3], 'renewals', #KEYS - 3)
+return #KEYS - 3
 """
 """Renew the leases of everything that one worker holds: on the messages, and on the jobs that it solves."""

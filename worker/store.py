@@ -22,6 +22,7 @@ from redis.retry import Retry
 from solvers.progress import ProgressReport
 from worker import scripts
 from worker.address import redis_url
+from worker.counts import Counts
 from worker.errors import JobActive, JobGone, JobNotFound
 from worker.records import FIRST, FailureType, JobError, JobEvent, JobRecord, JobStatus, is_job_id
 from worker.settings import QueueSettings
@@ -89,6 +90,7 @@ class JobStore:
         self._index = f"{settings.prefix}index"
         self._queued = f"{settings.prefix}queued"
         self._running = f"{settings.prefix}running"
+        self._counts = f"{settings.prefix}counts"
         self._unacked = f"{settings.prefix}unacked_index"
         self._lease = settings.lease_seconds
         self._retention = max(1, round(settings.retention_days * 86_400))
@@ -197,17 +199,29 @@ class JobStore:
             top = f"({after}"
         return found, after
 
+    def counts(self) -> Counts:
+        """Return the numbers over all jobs."""
+        with self.redis.pipeline(transaction=True) as pipe:
+            pipe.hgetall(self._counts)
+            pipe.zcard(self._queued)
+            pipe.zcard(self._running)
+            pipe.zrange(self._queued, 0, 0, withscores=True)
+            totals, queued, running, oldest = pipe.execute()
+        age = max(0.0, time.time() - oldest[0][1]) if oldest else 0.0
+        return Counts(queued, running, age, {name.decode(): float(number) for name, number in totals.items()})
+
     # The side of the worker.
 
-    def start(self, job_id: str, owner: str = "") -> str | None:
+    def start(self, job_id: str, owner: str = "", *, redelivered: bool = False) -> str | None:
         """Make a job running; return the word by which its solve owns it, None if there is nothing to solve.
 
         ``owner`` is a word of `new_owner`; a start that was asked before with the same word is confirmed.
+        ``redelivered`` is only counted.
         There is nothing to do for a job that has ended, that is not remembered, that another solve owns, or
         that has now lost its worker for the second time (it then ends as failed/worker_lost).
         """
         owner = owner or new_owner()
-        answer = self._run(self._start, job_id, owner, MAX_LOSSES, _GIVEN_UP.to_json())
+        answer = self._run(self._start, job_id, owner, MAX_LOSSES, _GIVEN_UP.to_json(), int(redelivered))
         return owner if answer == b"started" else None
 
     def report(self, job_id: str, owner: str, report: ProgressReport | None) -> Signal:
@@ -254,7 +268,12 @@ class JobStore:
     def renew(self, held: Sequence[tuple[str, str, str]]) -> None:
         """Renew the leases of all messages that a worker holds: for each job id, delivery tag and solver."""
         if held:
-            keys = [self._unacked, self._running, *(self._keys(job_id)[0] for job_id, _, _ in held)]
+            keys = [
+                self._unacked,
+                self._running,
+                self._counts,
+                *(self._keys(job_id)[0] for job_id, _, _ in held),
+            ]
             self._renew(keys=keys, args=[self._lease, *(word for words in held for word in words)])
 
     # The side of the reconciler.
@@ -276,7 +295,10 @@ class JobStore:
 
     def published(self, job_id: str) -> None:
         """Note that a waiting job was published again just now."""
-        self.redis.zadd(self._queued, {job_id: time.time()}, xx=True)
+        with self.redis.pipeline(transaction=True) as pipe:
+            pipe.zadd(self._queued, {job_id: time.time()}, xx=True)
+            pipe.hincrby(self._counts, "republished", 1)
+            pipe.execute()
 
     def unlist(self, job_id: str) -> None:
         """Take a job that does not wait off the list of those that do."""
@@ -314,7 +336,7 @@ class JobStore:
         self, script: Callable[..., Any], job_id: str, *args: str | float | bytes, keys: Sequence[str] = ()
     ) -> bytes | int | None:
         common = (job_id, self.channel, repr(time.time()), self._retention, _MEMORY, self._lease)
-        ours = (*self._keys(job_id), self._queued, self._running, self._stream(job_id))
+        ours = (*self._keys(job_id), self._queued, self._running, self._stream(job_id), self._counts)
         return cast(bytes | int | None, script(keys=[*ours, *keys], args=[*common, *args]))
 
     def _records(self, ids: Sequence[bytes]) -> list[JobRecord]:

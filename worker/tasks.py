@@ -43,15 +43,17 @@ class Limits:
     outage: float
 
 
-def solve_job(job_id: str, store: JobStore, limits: Limits, solver: str = "") -> None:
+def solve_job(
+    job_id: str, store: JobStore, limits: Limits, solver: str = "", *, redelivered: bool = False
+) -> None:
     """Solve a job if there is something to solve, and write its end once.
 
-    ``solver`` begins the word by which the job is owned. Never raises for what a document or a solve does
-    wrong: that is the end of the job. Raises RedisError if the store stays away for too long; the job is then
-    as it was and its message may be delivered again.
+    ``solver`` begins the word by which the job is owned, ``redelivered`` is only counted. Never raises for
+    what a document or a solve does wrong: that is the end of the job. Raises RedisError if the store stays
+    away for too long; the job is then as it was and its message may be delivered again.
     """
     word = new_owner(solver)
-    owner = patiently(lambda: store.start(job_id, word), limits.outage, job_id)
+    owner = patiently(lambda: store.start(job_id, word, redelivered=redelivered), limits.outage, job_id)
     if owner is None:
         logger.info("job %s: nothing to solve", job_id)
         return
@@ -153,7 +155,9 @@ class SolveTask(Task):  # type: ignore[type-arg]
     def run(self, job_id: str) -> None:
         """Solve the job; gives the message back if the store stays away."""
         try:
-            solve_job(job_id, self.store, self.limits, solver_of(self.request.hostname, os.getpid()))
+            solver = solver_of(self.request.hostname, os.getpid())
+            redelivered = bool((self.request.delivery_info or {}).get("redelivered"))
+            solve_job(job_id, self.store, self.limits, solver, redelivered=redelivered)
         except RedisError as error:
             logger.exception("job %s: the store does not answer; the message goes back", job_id)
             raise Reject(str(error), requeue=True) from error

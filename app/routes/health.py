@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from fastapi import APIRouter
+from fastapi import APIRouter, Response
 from redis.exceptions import RedisError
 
 from app.errors import ServiceError
+from app.metrics import CONTENT_TYPE, exposition
 from app.openapi import refusals
 from app.schemas import HealthView, ReadyView
 from app.service import Shared
@@ -29,6 +30,14 @@ def readyz(service: Shared) -> ReadyView:
     if not workers:
         raise _not_ready("No worker is alive; jobs are accepted but wait for one.")
     return ReadyView(workers=workers, queued=queued)
+
+
+@router.get(
+    "/metrics", response_class=Response, responses={200: {"content": {"text/plain": {}}}, **refusals(503)}
+)
+def metrics(service: Shared) -> Response:
+    """Tell the numbers of the service in Prometheus' text format; every API process tells the same ones."""
+    return Response(exposition(service.store, service.queue), media_type=CONTENT_TYPE)
 
 
 def _not_ready(detail: str) -> ServiceError:

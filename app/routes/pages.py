@@ -38,6 +38,7 @@ _PAGE = f"""<!doctype html>
 <dt><a href="/v1/methods">/v1/methods</a></dt><dd>Methods with their defaults.</dd>
 <dt><a href="/v1/models">/v1/models</a></dt><dd>Library models.</dd>
 <dt><a href="/readyz">/readyz</a></dt><dd>Whether the broker answers and a worker is alive.</dd>
+<dt><a href="/metrics">/metrics</a></dt><dd>Numbers for Prometheus.</dd>
 </dl>
 </html>
 """
