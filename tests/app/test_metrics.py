@@ -85,16 +85,14 @@ def test_jobs_that_have_ended(client: httpx.Client, job: MakeJob, store: JobStor
     assert within == [0, 1, 1]
 
 
-def test_what_went_wrong_on_the_way(
-    client: httpx.Client, job: MakeJob, store: JobStore, queue: JobQueue
-) -> None:
+def test_what_went_wrong_on_the_way(job: MakeJob, store: JobStore, queue: JobQueue) -> None:
     job_id = job(JobStatus.RUNNING)
     assert store.start(job_id, redelivered=True) is None
     error = JobError(FailureType.TIME_LIMIT, "Title.", "Detail.")
     assert store.lose(job_id, "", 3_600, error)
     assert Reconciler(store, queue, silence=0.1).reclaim() == 1
     store.renew([(job_id, "tag", "worker/"), (new_job_id(), "tag", "worker/")])
-    samples = scrape(client)
+    samples = read(exposition(store, queue).decode())
     assert {
         name.removeprefix("ondelette_").removesuffix("_total"): value
         for (name, labels), value in samples.items()
