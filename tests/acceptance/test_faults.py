@@ -162,7 +162,7 @@ def test_a_worker_that_is_told_to_end_lets_a_short_job_end_first(
 
 def test_a_solve_that_needs_too_much_fails_alone(own: Deployment, spacecraft: Document) -> None:
     with (
-        own.worker(slots=1, ONDELETTE_MEMORY_MIB="700", ONDELETTE_RESULT_MIB="0.06"),
+        own.worker(slots=1, ONDELETTE_MEMORY_MIB="1000", ONDELETTE_RESULT_MIB="0.06"),
         own.api() as api,
     ):
 
