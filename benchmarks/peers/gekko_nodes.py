@@ -1,6 +1,7 @@
 """GEKKO on this machine (remote=False): its mode 6, three collocation nodes a step, IPOPT inside its program.
 
-The final time is a factor of the rates. GEKKO counts its time points without the nodes between them.
+The final time is a factor of the rates. End conditions are GEKKO's fix_final, or, variant "inequalities", two
+inequalities that hold over the last step, inner nodes included, where fix_final finds no solution.
 """
 
 from __future__ import annotations
@@ -46,17 +47,19 @@ def build(case: Case, points: int, variant: str) -> Callable[[], Answer]:
         for control in controls:
             control.STATUS = 1
             control.DCOST = 0
-            # Else the guess is kept as the control of the first instant, which costs 0.2 s on the slew.
+            # Else the guess is kept over the first step, which costs 0.2 s on the slew.
             model.free_initial(control)
         last = model.Param(value=np.append(np.zeros(points - 1), 1.0))
         for state, rate in zip(states, case.rates(states, controls, model), strict=True):
             model.Equation(state.dt() == duration * rate)
         for name, state in zip(case.states, states, strict=True):
-            if name in case.final:
-                # fix_final would hold the derivative at zero too, and an equation everywhere leaves IPOPT
-                # with fewer unknowns than equations.
+            if name not in case.final:
+                continue
+            if variant == "inequalities":
                 model.Equation(last * (state - case.final[name]) <= 0)
                 model.Equation(last * (state - case.final[name]) >= 0)
+            else:
+                model.fix_final(state, val=case.final[name])
         running = case.running(states, controls, model)
         if running is None:
             model.Minimize(case.terminal(states, duration, model) * last)
@@ -72,9 +75,9 @@ def build(case: Case, points: int, variant: str) -> Callable[[], Answer]:
         model.solve(disp=False)
         final_time = float(duration.value[0])
         times = (fractions * final_time).tolist()
-        # A manipulated variable's value at a point acts over the step that ends there.
+        # A manipulated variable's value at a point acts over the step that starts there.
         flown = {
-            name: held(times, list(control.value)[1:])
+            name: held(times, list(control.value)[:-1])
             for name, control in zip(case.controls, controls, strict=True)
         }
         return Answer(

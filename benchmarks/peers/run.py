@@ -75,7 +75,8 @@ PEERS = (
     Peer("rockit, collocation", "rockit_grid.py", "rockit-meco", "collocation"),
     Peer("pyomo.dae", "pyomo_radau.py", "pyomo"),
     Peer("dymos", "dymos_radau.py", "dymos"),
-    Peer("GEKKO", "gekko_nodes.py", "gekko"),
+    Peer("GEKKO, fix_final", "gekko_nodes.py", "gekko"),
+    Peer("GEKKO, inequalities", "gekko_nodes.py", "gekko", "inequalities"),
 )
 
 
