@@ -191,7 +191,7 @@ def test_limits_are_refused_quickly(text: str, word: str) -> None:
     start = time.process_time()
     with pytest.raises(ExpressionLimitError, match=word):
         parse(text)
-    assert time.process_time() - start < 0.1
+    assert time.process_time() - start < 0.5
 
 
 @pytest.mark.parametrize(
