@@ -17,9 +17,12 @@ class Quantity:
 
 @dataclass(frozen=True, slots=True)
 class Parameter:
-    """A parameter: its value unless a document overrides it, its unit and its meaning."""
+    """A parameter: its value unless a document overrides it, its unit and its meaning.
 
-    value: float
+    A value may be an expression in the parameters before it.
+    """
+
+    value: float | str
     unit: str
     description: str
 
