@@ -67,7 +67,7 @@ def _terms(problem: OptimalControlProblem, trajectory: Trajectory, costates: Vec
 def _terms_at(
     problem: OptimalControlProblem, states: Vector, controls: Vector, times: Vector, costates: Vector
 ) -> Vector:
-    scope = problem.scope(states, controls, times, problem.parameters)
+    scope = problem.scope(states, controls, times, problem.parameters, NUMPY)
     with np.errstate(all="ignore"):  # the last iterate of a failed solve may have no finite rate
         rates = problem.dynamics.rate(scope, NUMPY)
         cost = 0.0 if problem.running_cost is None else problem.running_cost.evaluate(scope, NUMPY.functions)

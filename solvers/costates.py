@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
 from solvers.bases.cubic_spline import CubicSplineSpace
-from solvers.problem import MechanicalDynamics, OptimalControlProblem
+from solvers.problem import OptimalControlProblem
 from solvers.symbolic import CASADI
 from solvers.trajectory import Trajectory
 
@@ -17,7 +17,6 @@ Vector = NDArray[np.float64]
 
 def second_order_costates(
     problem: OptimalControlProblem,
-    dynamics: MechanicalDynamics,
     trajectory: Trajectory,
     multipliers: Vector,
     space: CubicSplineSpace,
@@ -27,12 +26,13 @@ def second_order_costates(
     -M' mu_k is the integral of lambda_v against the spline of degree 1 that is 1 at knot k; then
     lambda_v' = -dH/dv gives lambda_q = -lambda_v' - (da/dv)' lambda_v - dL/dv.
     """
+    dynamics = problem.dynamics
     n = dynamics.coordinates
     tau = trajectory.nodes
     x, u = ca.SX.sym("x", 2 * n), ca.SX.sym("u", len(problem.controls))
     t, mu, velocity_costate = ca.SX.sym("t"), ca.SX.sym("mu", n), ca.SX.sym("lambda", n)
     states, controls = ca.vertsplit(x), ca.vertsplit(u)
-    scope = problem.scope(states, controls, t, problem.parameters)
+    scope = problem.scope(states, controls, t, problem.parameters, CASADI)
     acceleration = ca.SX.sym("a", n)
     residual = ca.vertcat(*map(ca.SX, dynamics.residual(ca.vertsplit(acceleration), scope, CASADI)))
     mass = ca.jacobian(residual, acceleration)

@@ -20,7 +20,9 @@ def find_evaluation_fault(
     """The first expression that is not finite on the nodes of this trajectory, or None."""
     tau = trajectory.nodes
     times = trajectory.time(tau)
-    scope = problem.scope(trajectory.states_at(tau), trajectory.controls_at(tau), times, problem.parameters)
+    scope = problem.scope(
+        trajectory.states_at(tau), trajectory.controls_at(tau), times, problem.parameters, NUMPY
+    )
     for pointer, expression in _along_the_trajectory(spec):
         with np.errstate(all="ignore"):
             values = np.broadcast_to(expression.evaluate(scope, NUMPY.functions), tau.shape)
@@ -39,13 +41,11 @@ def _along_the_trajectory(spec: ProblemSpec) -> Iterator[tuple[str, Expression]]
     """Every expression of states, controls and t with its pointer."""
     model = spec.model
     base = "/problem/model"
+    for name, entry in model.definitions.items():
+        yield f"{base}/definitions/{name}", parse(entry)
     if isinstance(model, MechanicalModel):
-        for key in ("mass", "damping", "stiffness", "input"):
-            for i, row in enumerate(getattr(model, key) or ()):
-                for j, entry in enumerate(row):
-                    yield f"{base}/{key}/{i}/{j}", parse(entry)
-        for i, entry in enumerate(model.force or ()):
-            yield f"{base}/force/{i}", parse(entry)
+        for place, entry in model.entries():
+            yield base + "".join(f"/{part}" for part in place), parse(entry)
     else:
         for name, entry in model.dynamics.items():
             yield f"{base}/dynamics/{name}", parse(entry)

@@ -46,14 +46,14 @@ def to_npz(result: Mapping[str, Any]) -> bytes:
 
 
 def to_mat(result: Mapping[str, Any]) -> bytes:
-    """A MATLAB 5 file: ``t``, structures ``states`` and ``controls``, ``objective``, ``final_time``."""
+    """A MATLAB 5 file: ``t``, structures ``states``, ``controls``, ``outputs``, and two scalars."""
     from scipy.io import savemat
 
     trajectory = result["trajectory"]
     content: dict[str, Any] = {"t": np.array(trajectory["t"], dtype=np.float64)}
-    for group in ("states", "controls"):
+    for group in ("states", "controls", "outputs"):
         content[group] = {
-            name: np.array(values, dtype=np.float64) for name, values in trajectory[group].items()
+            name: np.array(values, dtype=np.float64) for name, values in trajectory.get(group, {}).items()
         }
     for scalar in ("objective", "final_time"):
         content[scalar] = np.nan if result[scalar] is None else result[scalar]

@@ -177,7 +177,7 @@ class ControlledModel:
     def _rate(self, states: Vector, controls: Vector, tau: Vector) -> Vector:
         """Rates of the states and of the running cost, (n + 1, len(tau))."""
         problem = self._problem
-        scope = problem.scope(states, controls, self._trajectory.time(tau), problem.parameters)
+        scope = problem.scope(states, controls, self._trajectory.time(tau), problem.parameters, NUMPY)
         with np.errstate(all="ignore"):
             rates = problem.dynamics.rate(scope, NUMPY)
             cost = (

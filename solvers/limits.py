@@ -34,7 +34,9 @@ class Limit:
         """How far the trajectory stays inside the limit at K normalised times; negative outside."""
         x, u, t = trajectory.states_at(tau), trajectory.controls_at(tau), trajectory.time(tau)
         with np.errstate(all="ignore"):
-            values = self.expression.evaluate(problem.scope(x, u, t, problem.parameters), NUMPY.functions)
+            values = self.expression.evaluate(
+                problem.scope(x, u, t, problem.parameters, NUMPY), NUMPY.functions
+            )
         sign = 1.0 if self.upper else -1.0
         return np.asarray(np.broadcast_to(sign * (self.level - values), tau.shape), np.float64)
 

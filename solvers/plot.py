@@ -9,12 +9,13 @@ import io
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, Literal
 
+import numpy as np
+
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-_STATE_COLOUR = "#1f4e79"
-_CONTROL_COLOUR = "#b03a2e"
+_COLOURS = {"states": "#1f4e79", "controls": "#b03a2e", "outputs": "#2e7d4f"}
 _ROW_HEIGHT = 1.7
 _LONGEST_NAME = 80
 
@@ -33,21 +34,24 @@ def render(result: Mapping[str, Any], kind: Literal["svg", "png"], title: str = 
 
 
 def draw(result: Mapping[str, Any], title: str = "") -> Figure:
-    """The picture of a result as a matplotlib figure: a row for each state, then for each control."""
+    """The picture of a result as a matplotlib figure: a row for each state, control and output."""
     from matplotlib.figure import Figure
 
     trajectory = result["trajectory"]
-    rows = [(name, values, False) for name, values in trajectory["states"].items()]
-    rows += [(name, values, True) for name, values in trajectory["controls"].items()]
+    rows = [
+        (name, values, colour)
+        for group, colour in _COLOURS.items()
+        for name, values in trajectory.get(group, {}).items()
+    ]
     figure = Figure(figsize=(8.0, 0.9 + _ROW_HEIGHT * len(rows)), layout="constrained")
     axes = figure.subplots(len(rows), 1, sharex=True, squeeze=False)[:, 0]
-    units = result["resolved"]["document"]["problem"].get("units", {})
+    units = {item["name"]: item["units"] for item in result.get("outputs", []) if item["units"]}
+    units |= result["resolved"]["document"]["problem"].get("units", {})
     margins = {item["pointer"]: item for item in result["constraints"]}
     switches = sorted({time for found in result["switching"].values() for time in found["times"]})
-    for axis, (name, values, is_control) in zip(axes, rows, strict=True):
-        axis.plot(
-            trajectory["t"], values, color=_CONTROL_COLOUR if is_control else _STATE_COLOUR, linewidth=1.6
-        )
+    for axis, (name, values, colour) in zip(axes, rows, strict=True):
+        # What is not finite (null in a result) leaves a gap.
+        axis.plot(trajectory["t"], np.array(values, np.float64), color=colour, linewidth=1.6)
         _mark(axis, switches, _bounds(margins.get(f"/problem/bounds/{name}")))
         unit = units.get(name)
         axis.set_ylabel(_label(name if unit is None else f"{name} [{unit}]"), parse_math=False)

@@ -18,11 +18,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from solvers.backends import NUMPY, Backend
+from solvers.dynamics import Dynamics, NodeScope
+from solvers.energy import vibration_energy
 from solvers.expressions import Expression, parse
 from solvers.guess import Guess, make_guess
 from solvers.spec import (
-    FirstOrderModel,
-    MechanicalModel,
+    VIBRATION_ENERGY,
     ProblemSpec,
     bound_interval,
     final_intervals,
@@ -49,82 +50,12 @@ class Constraint:
 
 
 @dataclass(frozen=True)
-class FirstOrderDynamics:
-    """x_i' = f_i(x, u, t), one expression a state."""
+class NamedQuantity:
+    """An expression along the trajectory that is sampled for the result."""
 
-    model: FirstOrderModel
-    layout: Hashable = ()
-    """What tells apart models with the same list of expressions."""
-
-    @property
-    def expressions(self) -> list[Expression]:
-        """Every expression of the model."""
-        return [parse(entry) for entry in self.model.dynamics.values()]
-
-    def rate(self, scope: dict[str, Any], backend: Backend) -> list[Any]:
-        """Evaluate f, one value a state."""
-        return [
-            parse(self.model.dynamics[name]).evaluate(scope, backend.functions) for name in self.model.states
-        ]
-
-
-@dataclass(frozen=True)
-class MechanicalDynamics:
-    """M(q) q'' + C(q, q') q' + K q = G u + f(q, q', t) with n coordinates; states are (q, q')."""
-
-    model: MechanicalModel
-
-    @property
-    def expressions(self) -> list[Expression]:
-        """Every expression of the model."""
-        model = self.model
-        matrices = (model.mass, model.damping or (), model.stiffness or (), model.input, (model.force or (),))
-        return [parse(entry) for matrix in matrices for row in matrix for entry in row]
-
-    @property
-    def layout(self) -> Hashable:
-        """Which of the optional matrices there are: what tells apart models with the same expressions."""
-        return tuple(part is None for part in (self.model.damping, self.model.stiffness, self.model.force))
-
-    @property
-    def coordinates(self) -> int:
-        """The number n of coordinates."""
-        return len(self.model.coordinates)
-
-    def residual(self, acceleration: Values, scope: dict[str, Any], backend: Backend) -> list[Any]:
-        """Evaluate M q'' + C q' + K q - G u - f, one value a coordinate."""
-        loads = self._loads(scope, backend)
-        mass = self._matrix(self.model.mass, scope, backend)
-        return [_dot(row, acceleration) - load for row, load in zip(mass, loads, strict=True)]
-
-    def rate(self, scope: dict[str, Any], backend: Backend) -> list[Any]:
-        """Evaluate (q', M^-1 (G u + f - C q' - K q)), one value a state."""
-        velocities = [scope[name] for name in self.model.states[self.coordinates :]]
-        mass = self._matrix(self.model.mass, scope, backend)
-        return [*velocities, *backend.solve(mass, self._loads(scope, backend))]
-
-    def _loads(self, scope: dict[str, Any], backend: Backend) -> list[Any]:
-        """G u + f - C q' - K q."""
-        model = self.model
-        positions = [scope[name] for name in model.coordinates]
-        velocities = [scope[name] for name in model.states[self.coordinates :]]
-        controls = [scope[name] for name in model.controls]
-        terms = [_products(self._matrix(model.input, scope, backend), controls)]
-        if model.damping is not None:
-            terms.append(
-                [-value for value in _products(self._matrix(model.damping, scope, backend), velocities)]
-            )
-        if model.stiffness is not None:
-            terms.append(
-                [-value for value in _products(self._matrix(model.stiffness, scope, backend), positions)]
-            )
-        if model.force is not None:
-            terms.append([parse(entry).evaluate(scope, backend.functions) for entry in model.force])
-        return [sum(parts) for parts in zip(*terms, strict=True)]
-
-    @staticmethod
-    def _matrix(rows: Sequence[Sequence[Any]], scope: dict[str, Any], backend: Backend) -> list[list[Any]]:
-        return [[parse(entry).evaluate(scope, backend.functions) for entry in row] for row in rows]
+    name: str
+    expression: Expression
+    units: str = ""
 
 
 @dataclass(frozen=True)
@@ -134,7 +65,8 @@ class OptimalControlProblem:
     states: tuple[str, ...]
     controls: tuple[str, ...]
     parameters: dict[str, float]
-    dynamics: FirstOrderDynamics | MechanicalDynamics
+    dynamics: Dynamics
+    definitions: Mapping[str, Expression]
     initial_time: Interval
     final_time: Interval
     initial_state: tuple[Interval, ...]
@@ -145,6 +77,7 @@ class OptimalControlProblem:
     boundary: tuple[Constraint, ...]
     terminal_cost: Expression | None
     running_cost: Expression | None
+    outputs: tuple[NamedQuantity, ...]
     guess: Guess
 
     @classmethod
@@ -164,9 +97,8 @@ class OptimalControlProblem:
             states=model.states,
             controls=model.controls,
             parameters=parameters,
-            dynamics=(
-                MechanicalDynamics(model) if isinstance(model, MechanicalModel) else FirstOrderDynamics(model)
-            ),
+            dynamics=Dynamics.from_model(model),
+            definitions={name: parse(value) for name, value in model.definitions.items()},
             initial_time=initial_time,
             final_time=final_time,
             initial_state=initial_state,
@@ -177,6 +109,7 @@ class OptimalControlProblem:
             boundary=_constraints(spec, "boundary_constraints", parameters),
             terminal_cost=None if spec.objective.terminal is None else parse(spec.objective.terminal),
             running_cost=None if spec.objective.running is None else parse(spec.objective.running),
+            outputs=_outputs(spec),
             guess=make_guess(
                 spec.guess,
                 model.states,
@@ -193,14 +126,15 @@ class OptimalControlProblem:
         """Names and expressions: all that a program is made of but numbers."""
         costs = [item and item.text for item in (self.terminal_cost, self.running_cost)]
         return (
-            type(self.dynamics).__name__,
             self.states,
             self.controls,
             tuple(self.parameters),
             self.dynamics.layout,
             tuple(item.text for item in self.dynamics.expressions),
+            tuple((name, item.text) for name, item in self.definitions.items()),
             tuple(item.expression.text for item in self.path),
             tuple(item.expression.text for item in self.boundary),
+            tuple((item.name, item.expression.text) for item in self.outputs),
             tuple(costs),
         )
 
@@ -208,11 +142,12 @@ class OptimalControlProblem:
     def autonomous(self) -> bool:
         """Whether neither the model nor the running cost names the time."""
         running = [] if self.running_cost is None else [self.running_cost]
-        return not any("t" in expression.names for expression in [*self.dynamics.expressions, *running])
+        every = [*self.dynamics.expressions, *self.definitions.values(), *running]
+        return not any("t" in expression.names for expression in every)
 
     def rate(self, x: Values, u: Values, t: Any, parameters: Parameters, backend: Backend) -> list[Any]:
         """Evaluate f(x, u, t), one value a state."""
-        return self.dynamics.rate(self.scope(x, u, t, parameters), backend)
+        return self.dynamics.rate(self.scope(x, u, t, parameters, backend), backend)
 
     def rates_at(self, trajectory: Trajectory, tau: Vector) -> Vector:
         """Evaluate f along a trajectory at K normalised times, (n, K); not finite where the model is not."""
@@ -221,13 +156,25 @@ class OptimalControlProblem:
             rates = self.rate(x, u, t, self.parameters, NUMPY)
         return np.array(np.broadcast_arrays(*rates, t)[:-1], np.float64)
 
-    def scope(self, x: Values, u: Values, t: Any, parameters: Parameters) -> dict[str, Any]:
+    def scope(self, x: Values, u: Values, t: Any, parameters: Parameters, backend: Backend) -> NodeScope:
         """Name the values of one instant as expressions of the trajectory know them."""
-        return {
+        given = {
             **parameters,
             **dict(zip(self.states, x, strict=True)),
             **dict(zip(self.controls, u, strict=True)),
             "t": t,
+        }
+        return NodeScope(given, self.dynamics, self.definitions, backend)
+
+    def outputs_at(self, trajectory: Trajectory, tau: Vector) -> dict[str, Vector]:
+        """The outputs along a trajectory at K normalised times, by name; not finite where they are not."""
+        x, u, t = trajectory.states_at(tau), trajectory.controls_at(tau), trajectory.time(tau)
+        scope = self.scope(x, u, t, self.parameters, NUMPY)
+        with np.errstate(all="ignore"):
+            values = [item.expression.evaluate(scope, NUMPY.functions) for item in self.outputs]
+        return {
+            item.name: np.array(np.broadcast_to(value, tau.shape), np.float64)
+            for item, value in zip(self.outputs, values, strict=True)
         }
 
     def ends_scope(
@@ -235,13 +182,25 @@ class OptimalControlProblem:
         initial: tuple[Values, Values, Any],
         final: tuple[Values, Values, Any],
         parameters: Parameters,
+        backend: Backend,
     ) -> dict[str, Any]:
         """Name the (states, controls, time) of both ends as expressions of the ends know them."""
         scope = {**parameters, "t0": initial[2], "tf": final[2]}
         for suffix, (x, u, _) in (("_0", initial), ("_f", final)):
             scope |= {name + suffix: value for name, value in zip(self.states, x, strict=True)}
             scope |= {name + suffix: value for name, value in zip(self.controls, u, strict=True)}
+        at_the_end = self.scope(*final, parameters, backend)
+        for item in self.outputs:
+            if f"{item.name}_f" in self._named_at_the_ends:
+                scope[f"{item.name}_f"] = item.expression.evaluate(at_the_end, backend.functions)
         return scope
+
+    @property
+    def _named_at_the_ends(self) -> frozenset[str]:
+        """Every name in a boundary constraint or the terminal cost."""
+        expressions = [item.expression for item in self.boundary]
+        expressions += [] if self.terminal_cost is None else [self.terminal_cost]
+        return frozenset().union(*(expression.names for expression in expressions))
 
 
 def _constraints(spec: ProblemSpec, key: str, parameters: dict[str, float]) -> tuple[Constraint, ...]:
@@ -256,15 +215,10 @@ def _constraints(spec: ProblemSpec, key: str, parameters: dict[str, float]) -> t
     )
 
 
-def _products(matrix: Sequence[Values], vector: Values) -> list[Any]:
-    return [_dot(row, vector) for row in matrix]
-
-
-def _dot(row: Values, vector: Values) -> Any:
-    return sum(
-        (entry * value for entry, value in zip(row, vector, strict=True) if not _is_zero(entry)), start=0.0
-    )
-
-
-def _is_zero(entry: Any) -> bool:
-    return isinstance(entry, float) and entry == 0.0
+def _outputs(spec: ProblemSpec) -> tuple[NamedQuantity, ...]:
+    """The outputs of the document, then the one that a flexible model brings by itself."""
+    outputs = [NamedQuantity(item.name, parse(item.expression), item.units) for item in spec.outputs]
+    energy = vibration_energy(spec.model)
+    if energy is not None:
+        outputs.append(NamedQuantity(VIBRATION_ENERGY, energy, spec.units.get(VIBRATION_ENERGY, "")))
+    return tuple(outputs)

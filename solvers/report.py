@@ -43,7 +43,7 @@ def _quantities(
     ):
         for name, interval, row in zip(names, bounds, values, strict=True):
             yield f"/problem/bounds/{name}", row, interval
-    scope = problem.scope(states, controls, trajectory.time(tau), problem.parameters)
+    scope = problem.scope(states, controls, trajectory.time(tau), problem.parameters, NUMPY)
     for constraint in problem.path:
         with np.errstate(all="ignore"):
             value = np.asarray(constraint.expression.evaluate(scope, NUMPY.functions), np.float64)

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from solvers.coefficients import encode
 from solvers.problem import OptimalControlProblem
+from solvers.sampling import output_extremes, sample
 from solvers.spec import JobSpec
 from solvers.status import SolveStatus
 from solvers.trajectory import Trajectory
@@ -64,7 +65,7 @@ class Solution:
         """The result of this solution: JSON types only; what is not finite or not computed is None."""
         trajectory = self.trajectory
         resolution = self.spec.resolved()
-        sampled = trajectory.sample(self._sample_times())
+        sampled = sample(self.problem, trajectory, self._sample_times())
         phase = {
             "name": "phase",
             "t0": trajectory.t0,
@@ -85,7 +86,8 @@ class Solution:
                 **trajectory.sample(trajectory.time(trajectory.nodes)),
                 "costates": dict(zip(trajectory.states, self.costates.tolist(), strict=True)),
             },
-            "trajectory": {**sampled, "outputs": {}},
+            "trajectory": sampled,
+            "outputs": output_extremes(self.problem, trajectory, sampled),
             "interpolation": dict.fromkeys(trajectory.controls, trajectory.interpolation),
             "switching": dict(self.switching),
             "verification": self.verification.to_dict(),

@@ -89,7 +89,7 @@ class Trajectory:
         Times outside [t0, tf] take the value at the nearer end. Where a control jumps, a time that stands
         twice in a row gives its left and its right value, one that stands alone the right one.
         """
-        tau = self._one_sided(times)
+        tau = self.one_sided(times)
         sampled: dict[str, Any] = {
             "t": times.tolist(),
             "states": {name: curve(tau).tolist() for name, curve in self.states.items()},
@@ -100,7 +100,7 @@ class Trajectory:
             sampled["rates"] = {name: rate.tolist() for name, rate in zip(self.states, rates, strict=True)}
         return sampled
 
-    def _one_sided(self, times: Vector) -> Vector:
+    def one_sided(self, times: Vector) -> Vector:
         """Normalised times; at a breakpoint exactly that, before it the first of two equal times in a row."""
         tau = self.tau(times)
         after = np.clip(np.searchsorted(self.breakpoints, tau), 1, self.breakpoints.size - 1)

@@ -153,7 +153,7 @@ def verify(
         _scaled_violation(states, np.array(problem.state_bounds), scale),
         _scaled_violation(controls, model.bounds, _scale(controls)),
     )
-    scope = problem.scope(states, model.clipped(tau), trajectory.time(tau), problem.parameters)
+    scope = problem.scope(states, model.clipped(tau), trajectory.time(tau), problem.parameters, NUMPY)
     path = _largest_violation(problem.path, scope)
     ends_scope = _ends_scope(problem, trajectory, model, evidence)
     start = trajectory.states_at(np.zeros(1))
@@ -262,6 +262,7 @@ def _ends_scope(
         (states[:, 0], controls[:, 0], trajectory.t0),
         (final, controls[:, 1], trajectory.tf),
         problem.parameters,
+        NUMPY,
     )
 
 

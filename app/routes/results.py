@@ -18,6 +18,7 @@ from app.openapi import refusals
 from app.service import Service, Shared
 from solvers.export import to_csv, to_mat, to_npz
 from solvers.plot import render
+from solvers.sampling import problem_of, sample
 from solvers.trajectory import Trajectory
 
 router = APIRouter(prefix="/v1/jobs/{job_id}", tags=["results"])
@@ -81,7 +82,8 @@ def trajectory(
         curves = Trajectory.from_result(stored)
     except TypeError as error:
         raise _not_finite() from error
-    sampled = curves.sample(_times(curves.t0, curves.tf, samples, t, dt), derivatives=derivatives)
+    times = _times(curves.t0, curves.tf, samples, t, dt)
+    sampled = sample(problem_of(stored), curves, times, derivatives=derivatives)
     try:
         text = json.dumps({"job_id": job_id, **sampled}, allow_nan=False, separators=(",", ":"))
     except ValueError as error:

@@ -145,7 +145,7 @@ def check_same(case: str, problem: OptimalControlProblem) -> None:
     theirs = problems.load(case)
     generator = np.random.default_rng(1)
     states, controls = (generator.uniform(0.5, 1.0, len(names)) for names in (theirs.states, theirs.controls))
-    scope = problem.scope(states, controls, 0.0, problem.parameters)
+    scope = problem.scope(states, controls, 0.0, problem.parameters, NUMPY)
     fractions = np.linspace(0, 1, 7)
     names = (*theirs.states, *theirs.controls)
     pairs = (

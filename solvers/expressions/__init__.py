@@ -3,7 +3,8 @@
 Own tokenizer and Pratt parser; what is read is never handed to Python's ``eval`` or ``ast``.
 """
 
-from solvers.expressions.expression import Expression
+from solvers.expressions.compose import combined, product, renamed, total
+from solvers.expressions.expression import Code, Expression
 from solvers.expressions.parser import (
     MAX_CHARACTERS,
     MAX_DEPTH,
@@ -28,9 +29,14 @@ __all__ = [
     "MAX_OPERATIONS",
     "NUMPY_FUNCTIONS",
     "RESERVED",
+    "Code",
     "Expression",
     "ExpressionLimitError",
+    "combined",
     "did_you_mean",
     "parse",
+    "product",
     "quoted",
+    "renamed",
+    "total",
 ]

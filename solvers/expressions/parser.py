@@ -47,6 +47,12 @@ _OPERATORS: dict[str, Callable[[Any, Any], Any]] = {
 _APPLY: dict[str, Instruction] = {mark: (Code.OPERATOR, apply) for mark, apply in _OPERATORS.items()}
 _NEGATE: Instruction = (Code.NEGATE, None)
 
+
+def instruction(mark: str) -> Instruction:
+    """Return what applies the operator ``mark`` to the two values on top of the stack."""
+    return _APPLY[mark]
+
+
 _REFUSALS = {
     ".": "attribute access is not part of an expression",
     "'": "text in quotes is not part of an expression",

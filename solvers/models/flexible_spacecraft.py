@@ -40,5 +40,6 @@ MODEL = LibraryModel(
         ],
         "stiffness": [[0, 0], [0, "2*k"]],
         "input": [[1], [0]],
+        "flexible": ["alpha"],
     },
 )

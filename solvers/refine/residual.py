@@ -77,7 +77,7 @@ def arc_errors(problem: OptimalControlProblem, trajectory: Trajectory) -> ArcErr
             largest[:, long], ends[:, long] = _followed(problem, trajectory, np.flatnonzero(long), scale)
         path = np.zeros(tau.size)
         flown = np.clip(controls, limits[:, :1], limits[:, 1:])
-        scope = problem.scope(states, flown, trajectory.time(tau.ravel()), problem.parameters)
+        scope = problem.scope(states, flown, trajectory.time(tau.ravel()), problem.parameters, NUMPY)
         for constraint in problem.path:
             values = np.broadcast_to(constraint.expression.evaluate(scope, NUMPY.functions), tau.size)
             path = np.maximum(path, _outside(values[None], np.array([constraint.interval])))

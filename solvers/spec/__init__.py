@@ -29,10 +29,12 @@ from solvers.spec.problem import (
     path_intervals,
 )
 from solvers.spec.resolution import Resolution, canonical_json
+from solvers.spec.scope import VIBRATION_ENERGY
 from solvers.spec.values import BoundValue, Interval, Value, bound_interval, evaluate_constant, inside
 
 __all__ = [
     "METHODS",
+    "VIBRATION_ENERGY",
     "Adaptivity",
     "AutoMethod",
     "BoundValue",

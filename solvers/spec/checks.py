@@ -5,6 +5,7 @@ Each function notes what is wrong in ``flaws``, at ``path`` below the field that
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from typing import Any, TypeGuard
 
 from solvers.errors import ExpressionError
@@ -13,11 +14,23 @@ from solvers.spec.faults import Flaws, Path, kind_of
 from solvers.spec.scope import Scope
 from solvers.spec.values import FREE, Interval, evaluate_constant, is_finite
 
-RATES = "accelerations and control rates in expressions are not in this version"
+RATES = "control rates in expressions are not in this version"
+MAX_EXPANDED = 100_000
+"""The largest number of operations of an expression with all definitions written out."""
 
 
-def check_expression(value: Any, place: str, scope: Scope, flaws: Flaws, *path: str | int) -> None:
-    """Check a number or expression that may use the names of ``place``: constant, model, path, boundary."""
+def check_expression(
+    value: Any,
+    place: str,
+    scope: Scope,
+    flaws: Flaws,
+    *path: str | int,
+    without: Collection[str] = (),
+) -> None:
+    """Check a number or expression that may use the names of ``place``: constant, model, path, boundary.
+
+    ``without``: definitions that come too late for it.
+    """
     if is_number(value):
         _check_number(value, flaws, path)
         return
@@ -30,7 +43,11 @@ def check_expression(value: Any, place: str, scope: Scope, flaws: Flaws, *path: 
         flaws.add(str(error), *path, type="limit" if isinstance(error, ExpressionLimitError) else "invalid")
         return
     if scope.known or place == "constant":
-        _check_names(expression, place, scope, flaws, path)
+        _check_names(expression, place, scope, flaws, path, without)
+        size = scope.expanded(expression)
+        if size > MAX_EXPANDED:
+            detail = f"limit: {size:,} operations with definitions written out, at most {MAX_EXPANDED:,}"
+            flaws.add(detail, *path, type="limit")
 
 
 def is_number(value: Any) -> TypeGuard[float]:
@@ -45,11 +62,15 @@ def _check_number(value: float, flaws: Flaws, path: Path) -> bool:
     return False
 
 
-def _check_names(expression: Expression, place: str, scope: Scope, flaws: Flaws, path: Path) -> None:
-    names = scope.names(place)
+def _check_names(
+    expression: Expression, place: str, scope: Scope, flaws: Flaws, path: Path, without: Collection[str]
+) -> None:
+    names = scope.names(place).difference(without)
     for name in expression.undefined(names):
         where = f" (at character {expression.positions[name] + 1})"
-        if place == "path" and name in scope.rate_names:
+        if name in without:
+            flaws.add(f"{quoted(name)} comes later; a definition may use earlier ones only{where}", *path)
+        elif place == "path" and name in scope.rate_names:
             flaws.add(f"unsupported: {RATES}: {quoted(name)}{where}", *path, type="unsupported")
         elif name in scope.model_names or name in scope.boundary_names or name in scope.rate_names:
             flaws.add(f"the name {quoted(name)} cannot be used here; {_ADVICE[place]}{where}", *path)
@@ -59,9 +80,12 @@ def _check_names(expression: Expression, place: str, scope: Scope, flaws: Flaws,
 
 _ADVICE = {
     "constant": "a value is a number or an expression in parameters and constants",
-    "model": "the names of a model are its states, controls, parameters and t",
-    "path": "along the trajectory the names are states, controls, parameters and t",
-    "boundary": "at the ends the names are <state>_0, <state>_f, likewise of controls, parameters, t0 and tf",
+    "model": "the names of a model are its states, controls, parameters, definitions and t",
+    "path": "along the trajectory the names are those of the model and the accelerations <coordinate>_ddot",
+    "boundary": (
+        "at the ends the names are <state>_0, <state>_f, likewise of controls, <output>_f, parameters, "
+        "t0 and tf"
+    ),
 }
 
 

@@ -7,15 +7,18 @@ cannot be judged is passed over, for the fields themselves report why.
 from __future__ import annotations
 
 import re
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
+from pydantic_core import PydanticCustomError
 
 from solvers.errors import ExpressionError
 from solvers.expressions import RESERVED, parse, quoted
 from solvers.spec.checks import check_bound, check_constant
 from solvers.spec.faults import Flaws, Path
-from solvers.spec.scope import MAX_NAME, MAX_STATES, Scope, mapping
+from solvers.spec.matrices import MatrixOf, matrix_rows
+from solvers.spec.scope import MAX_NAME, MAX_STATES, VIBRATION_ENERGY, Scope, mapping
 from solvers.spec.values import FREE, Interval, inside
 
 _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*", re.ASCII)
@@ -26,8 +29,7 @@ _SINGULAR = 1e-13
 def cross_check(scope: Scope) -> Flaws:
     """Return every mistake between the parts of the document, with paths from its root."""
     flaws = Flaws()
-    if mapping(scope.problem.get("model")).get("kind") != "library":
-        _check_names(scope, flaws)
+    _check_names(scope, flaws)
     _check_times(scope, flaws)
     _check_ends(scope, flaws)
     _check_guess(scope, flaws)
@@ -38,23 +40,33 @@ def cross_check(scope: Scope) -> Flaws:
 
 def _check_names(scope: Scope, flaws: Flaws) -> None:
     """Every name well formed, none reserved, none twice, none like a name that the product generates."""
+    of_library = mapping(scope.problem.get("model")).get("kind") == "library"
+    generated, seen = _generated(scope), dict[str, str]()
+    for name, what, place in _declared(scope):
+        # The names of a library model are nobody's fault.
+        detail = None if of_library and place[1] == "model" else _name_flaw(name, seen, generated)
+        if detail:
+            flaws.add(detail, *place)
+        seen.setdefault(name, what)
+
+
+def _declared(scope: Scope) -> Iterator[tuple[str, str, Path]]:
+    """Yield every name that the document gives to something, what it is, and where it stands."""
     model = scope.model
     where = "coordinates" if model.get("kind") == "mechanical" else "states"
-    declared: list[tuple[str, str, str | int]] = []
     for key, what in ((where, where[:-1]), ("controls", "control")):
         names = model.get(key)
-        items = enumerate(names[:MAX_STATES]) if isinstance(names, list) else ()
-        declared += [(name, f"{what}:{key}", index) for index, name in items if isinstance(name, str)]
-    parameters = mapping(model.get("parameters"))
-    declared += [(name, "parameter:parameters", name) for name in parameters]
-    generated = _generated(scope)
-    seen: dict[str, str] = {}
-    for name, kind, place in declared:
-        what, key = kind.split(":")
-        detail = _name_flaw(name, seen, generated)
-        if detail:
-            flaws.add(detail, "problem", "model", key, place)
-        seen.setdefault(name, what)
+        for index, name in enumerate(names[:MAX_STATES] if isinstance(names, list) else ()):
+            if isinstance(name, str):
+                yield name, what, ("problem", "model", key, index)
+    for key in ("parameters", "definitions"):
+        for name in mapping(model.get(key)):
+            yield name, key[:-1], ("problem", "model", key, name)
+    outputs = scope.problem.get("outputs")
+    for index, item in enumerate(outputs if isinstance(outputs, list) else ()):
+        name = mapping(item).get("name")
+        if isinstance(name, str):
+            yield name, "output", ("problem", "outputs", index, "name")
 
 
 def _name_flaw(name: str, seen: dict[str, str], generated: dict[str, str]) -> str | None:
@@ -75,6 +87,9 @@ def _generated(scope: Scope) -> dict[str, str]:
     """Return every name that the product makes -> the name from which it makes it."""
     made = {f"{q}{end}": q for q in scope.coordinates for end in ("_dot", "_ddot")}
     made |= {f"{u}_dot": u for u in scope.controls}
+    if scope.model.get("flexible"):
+        made[VIBRATION_ENERGY] = "flexible"
+    made |= {f"{output}_f": output for output in scope.output_names}
     return made | {f"{x}{end}": x for x in scope.states + scope.controls for end in ("_0", "_f")}
 
 
@@ -136,22 +151,26 @@ def _check_guess(scope: Scope, flaws: Flaws) -> None:
 def _check_mass(scope: Scope, flaws: Flaws) -> None:
     """The mass matrix must be finite and regular at the start, or at the guess where the start is free."""
     n = len(scope.coordinates)
-    rows = scope.model.get("mass")
-    if (
-        not isinstance(rows, list)
-        or len(rows) != n
-        or any(not isinstance(r, list) or len(r) != n for r in rows)
-    ):
-        return
+    mass = scope.model.get("mass")
+    if isinstance(mass, list):
+        if len(mass) != n or any(not isinstance(row, list) or len(row) != n for row in mass):
+            return  # reported where it stands, as everything else that is passed over here
+    else:
+        try:
+            mass = MatrixOf("coordinates").check(mass, scope)
+        except PydanticCustomError:
+            return
     point = _start(scope)
     matrix = np.empty((n, n))
     try:
         with np.errstate(all="ignore"):
-            for i, row in enumerate(rows):
+            for name, definition in mapping(scope.model.get("definitions")).items():
+                point[name] = parse(definition).evaluate(point)
+            for i, row in enumerate(mass if isinstance(mass, list) else matrix_rows(mass, n, n)):
                 for j, entry in enumerate(row):
                     matrix[i, j] = parse(entry).evaluate(point)
     except (ExpressionError, KeyError, TypeError):
-        return  # an entry that is no expression, or uses what has no value: reported where it stands
+        return
     place: Path = ("problem", "model")
     if mapping(scope.problem["model"]).get("kind") != "library":  # the rows of the library are nobody's fault
         place += ("mass",)

@@ -2,22 +2,30 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from typing import Annotated, Literal
 
 from pydantic import Field, TypeAdapter
 
 from solvers.models import LIBRARY
 from solvers.spec.base import SpecModel
-from solvers.spec.fields import Unsupported
-from solvers.spec.matrices import ForceVector, MatrixOf
+from solvers.spec.faults import Path
+from solvers.spec.matrices import ForceVector, Matrix, MatrixOf, Row, matrix_rows, places
 from solvers.spec.scope import MAX_CONTROLS, MAX_STATES, Scope, read_model
-from solvers.spec.tables import DynamicsTable, LibraryName, NameList, OverrideTable, ParameterTable
+from solvers.spec.tables import (
+    DefinitionTable,
+    DynamicsTable,
+    FlexibleNames,
+    LibraryName,
+    NameList,
+    OverrideTable,
+    ParameterTable,
+)
 from solvers.spec.values import Value, evaluate_constant
 
-Row = tuple[Value, ...]
 Controls = Annotated[tuple[str, ...], NameList("control", MAX_CONTROLS)]
-Definitions = Annotated[None, Unsupported("definitions are")]
+
+MATRICES = ("mass", "damping", "stiffness", "input")
 
 
 class _Equations(SpecModel):
@@ -29,8 +37,8 @@ class _Equations(SpecModel):
     """Names of the controls."""
     parameters: Annotated[dict[str, Value], ParameterTable()] = Field(default_factory=dict)
     """Name -> value; a value may use parameters that stand before it."""
-    definitions: Definitions = None
-    """Named subexpressions; not in this version."""
+    definitions: Annotated[dict[str, Value], DefinitionTable()] = Field(default_factory=dict)
+    """Name -> expression; each may use those that stand before it, and is evaluated once."""
 
     def parameter_values(self) -> dict[str, float]:
         """Return every parameter as a number, in the order of the document."""
@@ -44,23 +52,37 @@ class MechanicalModel(_Equations):
     """The kind of model."""
     coordinates: Annotated[tuple[str, ...], NameList("coordinate", MAX_STATES // 2, least=1)]
     """Names of the generalized coordinates q; each ``q`` brings its velocity ``q_dot`` as a state."""
-    mass: Annotated[tuple[Row, ...], MatrixOf("coordinates")]
-    """Mass matrix M, n x n, by rows."""
-    damping: Annotated[tuple[Row, ...], MatrixOf("coordinates")] | None = None
-    """Damping matrix C, n x n, by rows; it multiplies the velocities."""
-    stiffness: Annotated[tuple[Row, ...], MatrixOf("coordinates")] | None = None
-    """Stiffness matrix K, n x n, by rows; it multiplies the coordinates."""
+    mass: Annotated[Matrix, MatrixOf("coordinates")]
+    """Mass matrix M, n x n: rows, ``{"diag": [...]}`` or ``{"entries": [[i, j, value]]}``."""
+    damping: Annotated[Matrix, MatrixOf("coordinates")] | None = None
+    """Damping matrix C, n x n, likewise; it multiplies the velocities."""
+    stiffness: Annotated[Matrix, MatrixOf("coordinates")] | None = None
+    """Stiffness matrix K, n x n, likewise; it multiplies the coordinates."""
     force: Annotated[Row, ForceVector()] | None = None
     """Force vector f on the right-hand side, length n."""
-    input: Annotated[tuple[Row, ...], MatrixOf("controls")]
-    """Input matrix G, n x m, by rows."""
-    flexible: Annotated[None, Unsupported("vibration energy of flexible coordinates is")] = None
-    """Names of the elastic coordinates; not in this version."""
+    input: Annotated[Matrix, MatrixOf("controls")]
+    """Input matrix G, n x m, likewise."""
+    flexible: Annotated[tuple[str, ...], FlexibleNames("coordinate", MAX_STATES // 2)] = ()
+    """Names of the elastic coordinates; they bring the output ``vibration_energy``."""
 
     @property
     def states(self) -> tuple[str, ...]:
         """The coordinates, then their velocities in the same order."""
         return self.coordinates + tuple(f"{name}_dot" for name in self.coordinates)
+
+    def rows(self, key: str) -> tuple[Row, ...] | None:
+        """Return all rows of one of `MATRICES`, None where there is none."""
+        matrix = getattr(self, key)
+        width = len(self.controls if key == "input" else self.coordinates)
+        return None if matrix is None else matrix_rows(matrix, len(self.coordinates), width)
+
+    def entries(self) -> Iterator[tuple[Path, Value]]:
+        """Yield every expression of matrices and force with its place in the model object."""
+        for key in MATRICES:
+            for place, _, _, entry in places(getattr(self, key) or ()):
+                yield (key, *place), entry
+        for index, entry in enumerate(self.force or ()):
+            yield ("force", index), entry
 
 
 class FirstOrderModel(_Equations):

@@ -21,12 +21,11 @@ from solvers.spec.fields import (
 from solvers.spec.histories import HistoryTable, ResultNodes, TimeList
 from solvers.spec.models import FirstOrderModel, LibraryReference, MechanicalModel, SubmittedModel
 from solvers.spec.scope import Scope
-from solvers.spec.tables import BoundTable, UnitTable
+from solvers.spec.tables import MAX_UNIT, BoundTable, UnitTable
 from solvers.spec.values import FREE, BoundValue, Interval, Value, bound_interval, evaluate_constant
 
-MAX_CONSTRAINTS = 1000
-
 Name = Annotated[str, Text(200)]
+OutputName = Annotated[str, Text()]
 Constant = Annotated[Value, ExpressionIn("constant")]
 Ends = Annotated[dict[str, BoundValue], BoundTable("state", star=True)]
 History = list[Value] | dict[str, list[Value]]
@@ -42,13 +41,18 @@ class WholeSpan(Unsupported):
             super().check(value, scope)
 
 
-def _few(value: Any) -> Any:
-    if isinstance(value, list) and len(value) > MAX_CONSTRAINTS:
-        raise refuse(f"limit: at most {MAX_CONSTRAINTS:,} constraints, not {len(value):,}", type="limit")
-    return value
+def _at_most(count: int, things: str) -> BeforeValidator:
+    """Refuse a longer list before its entries are read."""
+
+    def few(value: Any) -> Any:
+        if isinstance(value, list) and len(value) > count:
+            raise refuse(f"limit: at most {count:,} {things}, not {len(value):,}", type="limit")
+        return value
+
+    return BeforeValidator(few)
 
 
-AtMost = BeforeValidator(_few)
+AtMost = _at_most(1000, "constraints")
 
 
 class PathConstraint(SpecModel):
@@ -73,6 +77,17 @@ class BoundaryConstraint(SpecModel):
     """Expression in <state>_0, <state>_f, <control>_0, <control>_f, parameters, t0 and tf."""
     bounds: Bound
     """What its value must be or lie between."""
+
+
+class NamedOutput(SpecModel):
+    """A quantity along the trajectory that the result shows."""
+
+    name: OutputName
+    """Its name in the result; ``<name>_f`` is its value at the end of the flight."""
+    expression: PathExpression
+    """Expression in states, controls, accelerations, parameters, definitions and t."""
+    units: Annotated[str, Text(MAX_UNIT)] = ""
+    """Label of its unit."""
 
 
 class Objective(SpecModel):
@@ -158,8 +173,8 @@ class ProblemSpec(SpecModel):
     """Integrals over time with bounds; not in this version."""
     design: Annotated[None, Unsupported("design parameters are")] = None
     """Parameters that are optimised too; not in this version."""
-    outputs: Annotated[None, Unsupported("outputs are")] = None
-    """Expressions to be sampled; not in this version."""
+    outputs: Annotated[list[NamedOutput], _at_most(200, "outputs")] = Field(default_factory=list)
+    """Expressions that are sampled and drawn with states and controls."""
     data: Annotated[None, Unsupported("data tables are")] = None
     """Tables over time; not in this version."""
     scenarios: Annotated[None, Unsupported("scenarios are")] = None

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from solvers.errors import ExpressionError
-from solvers.expressions import ExpressionLimitError, did_you_mean, parse, quoted
+from solvers.expressions import Code, Expression, ExpressionLimitError, did_you_mean, parse, quoted
 from solvers.models import LIBRARY
 from solvers.spec.faults import Flaws, kind_of
 from solvers.spec.values import evaluate_constant
@@ -19,9 +19,13 @@ from solvers.spec.values import evaluate_constant
 MAX_STATES = 64
 MAX_CONTROLS = 32
 MAX_NAME = 200
+VIBRATION_ENERGY = "vibration_energy"
+"""The output that a model with elastic coordinates has by itself."""
 # Bounds on the time that hostile documents can cost.
 _SUGGESTIONS = 20
 _LARGEST_POOL = 200
+# Operations with definitions written out double with every definition: no need to know how many.
+_BEYOND_COUNT = 1_000_000_000
 
 
 @dataclass(slots=True)
@@ -42,7 +46,10 @@ class Scope:
     parameters: dict[str, float] = field(default_factory=dict)
     parameter_names: frozenset[str] = frozenset()
     parameter_flaws: Flaws = field(default_factory=Flaws)
+    definition_sizes: dict[str, int] = field(default_factory=dict)
+    output_names: frozenset[str] = frozenset()
     model_names: frozenset[str] = frozenset()
+    path_names: frozenset[str] = frozenset()
     boundary_names: frozenset[str] = frozenset()
     rate_names: frozenset[str] = frozenset()
     suggestions: int = _SUGGESTIONS
@@ -58,7 +65,15 @@ class Scope:
         """Return the names that an expression at ``place`` (constant, model, path or boundary) may use."""
         if place == "constant":
             return self.parameter_names
+        if place == "path":
+            return self.path_names
         return self.boundary_names if place == "boundary" else self.model_names
+
+    def expanded(self, expression: Expression) -> int:
+        """Return the number of operations of an expression with all definitions written out."""
+        sizes = self.definition_sizes
+        inner = (sizes.get(payload, 0) for code, payload in expression.program if code == Code.NAME)
+        return min(expression.operations + sum(inner), _BEYOND_COUNT)
 
 
 def mapping(value: object) -> dict[str, Any]:
@@ -105,15 +120,30 @@ def read_model(scope: Scope) -> None:
 
 def _read_names(scope: Scope) -> None:
     # What is refused as unsupported at its own key still counts as a name, lest it be reported twice.
-    asked = {*mapping(scope.model.get("definitions")), *mapping(scope.problem.get("design"))}
+    asked = set(mapping(scope.problem.get("design")))
+    definitions = _read_definitions(scope)
+    accelerations = frozenset(f"{q}_ddot" for q in scope.coordinates)
     ends = {f"{name}{end}" for name in scope.states + scope.controls for end in ("_0", "_f")}
     ends |= set(_named(scope.problem.get("integrals")))
-    ends |= {f"{name}_f" for name in _named(scope.problem.get("outputs"))}
-    scope.rate_names = frozenset(f"{q}_ddot" for q in scope.coordinates) | {
-        f"{u}_dot" for u in scope.controls
-    }
-    scope.model_names = scope.parameter_names.union(scope.states, scope.controls, ("t",), asked)
+    outputs = _named(scope.problem.get("outputs"))
+    outputs += [VIBRATION_ENERGY] if scope.model.get("flexible") else []
+    ends |= {f"{name}_f" for name in outputs}
+    scope.output_names = frozenset(outputs)
+    scope.rate_names = accelerations.union(f"{u}_dot" for u in scope.controls)
+    scope.model_names = scope.parameter_names.union(scope.states, scope.controls, ("t",), definitions, asked)
+    scope.path_names = scope.model_names.union(accelerations)
     scope.boundary_names = scope.parameter_names.union(ends, ("t0", "tf"), asked)
+
+
+def _read_definitions(scope: Scope) -> set[str]:
+    """Return the names of the definitions; notes how large each is with those before it written out."""
+    table = mapping(scope.model.get("definitions"))
+    for name, value in table.items():
+        try:
+            scope.definition_sizes[name] = scope.expanded(parse(value))
+        except (ExpressionError, TypeError):
+            scope.definition_sizes[name] = 0  # reported where it stands
+    return set(table)
 
 
 def _named(items: object) -> list[str]:

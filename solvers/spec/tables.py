@@ -14,6 +14,7 @@ from solvers.spec.fields import BOUND_SCHEMA, VALUE_SCHEMA, Check
 from solvers.spec.scope import MAX_NAME, Scope
 
 MAX_UNIT = 200
+MAX_DEFINITIONS = 1000
 NAME_PATTERN = "^[A-Za-z][A-Za-z0-9_]*$"
 
 
@@ -64,6 +65,21 @@ class NameList(Check):
         return {"type": "array", "items": items, "minItems": self.least, "maxItems": self.most}
 
 
+class FlexibleNames(NameList):
+    """Names of coordinates that are elastic."""
+
+    def check(self, value: Any, scope: Scope) -> tuple[str, ...]:
+        """Return the names."""
+        names, flaws = super().check(value, scope), Flaws()
+        for index, name in enumerate(names):
+            if scope.known and name not in scope.coordinates:
+                flaws.add(unknown_key(name, "coordinate", scope.coordinates, scope), index)
+            elif name in names[:index]:
+                flaws.add(f"the coordinate {quoted(name)} stands twice", index)
+        flaws.raise_any()
+        return names
+
+
 class ParameterTable(Check):
     """Name -> value; each may use earlier ones. The scope has evaluated them already."""
 
@@ -75,6 +91,26 @@ class ParameterTable(Check):
 
     def schema(self) -> dict[str, Any]:
         """An object of values."""
+        return {"type": "object", "additionalProperties": VALUE_SCHEMA}
+
+
+class DefinitionTable(Check):
+    """Name -> model expression; each may use earlier ones."""
+
+    def check(self, value: Any, scope: Scope) -> dict[str, Any]:
+        """Return the table as submitted."""
+        table, flaws = object_of(value), Flaws()
+        if len(table) > MAX_DEFINITIONS:
+            raise refuse(f"limit: at most {MAX_DEFINITIONS:,} definitions, not {len(table):,}", type="limit")
+        later = set(table)
+        for name, expression in table.items():
+            check_expression(expression, "model", scope, flaws, name, without=later)
+            later.discard(name)
+        flaws.raise_any()
+        return table
+
+    def schema(self) -> dict[str, Any]:
+        """An object of expressions."""
         return {"type": "object", "additionalProperties": VALUE_SCHEMA}
 
 
@@ -169,7 +205,7 @@ class UnitTable(Check):
         """Return the labels."""
         table, flaws = object_of(value), Flaws()
         for name, label in table.items():
-            if scope.known and name not in scope.model_names:
+            if scope.known and name not in scope.model_names | scope.output_names:
                 flaws.add(unknown_key(name, "name", scope.model_names, scope), name)
             elif not isinstance(label, str):
                 flaws.add(f"a unit must be text, not {kind_of(label)}", name)

@@ -15,7 +15,14 @@ from solvers.spec.faults import Path, kind_of, pointer
 from solvers.spec.job import JobSpec, Options, Output, Verification
 from solvers.spec.methods import METHODS, SplineAdaptivity
 from solvers.spec.models import FirstOrderModel, LibraryReference, MechanicalModel
-from solvers.spec.problem import BoundaryConstraint, Guess, Objective, PathConstraint, ProblemSpec
+from solvers.spec.problem import (
+    BoundaryConstraint,
+    Guess,
+    NamedOutput,
+    Objective,
+    PathConstraint,
+    ProblemSpec,
+)
 from solvers.spec.scope import Scope
 
 _KINDS: dict[str, type[SpecModel]] = {
@@ -31,6 +38,7 @@ _OBJECTS: dict[str, type[SpecModel]] = {
     "path_constraints": PathConstraint,
     "boundary_constraints": BoundaryConstraint,
     "objective": Objective,
+    "outputs": NamedOutput,
     "guess": Guess,
     "options": Options,
     "verification": Verification,

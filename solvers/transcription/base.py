@@ -244,6 +244,7 @@ class Transcription(ABC):
             (*sides[0], parts[-2]),
             (*sides[1], parts[-1]),
             dict(zip(problem.parameters, ca.vertsplit(p), strict=True)),
+            CASADI,
         )
         expressions = [item.expression for item in problem.boundary]
         if problem.terminal_cost is not None:

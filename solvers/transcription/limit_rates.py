@@ -59,7 +59,7 @@ def limit_rates(problem: OptimalControlProblem, limit: Limit) -> LimitRates | No
     states, controls = ca.vertsplit(x), ca.vertsplit(u)
     parameters = dict(zip(problem.parameters, ca.vertsplit(p), strict=True))
     rate = ca.vertcat(*[ca.SX(value) for value in problem.rate(states, controls, t, parameters, CASADI)])
-    scope = problem.scope(states, controls, t, parameters)
+    scope = problem.scope(states, controls, t, parameters, CASADI)
     value = ca.SX(limit.expression.evaluate(scope, CASADI.functions))
     values = []
     for order in range(len(problem.states) + 1):

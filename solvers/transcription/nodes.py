@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from scipy import sparse
 
 from solvers.problem import OptimalControlProblem
+from solvers.symbolic import CASADI
 
 Vector = NDArray[np.float64]
 
@@ -53,7 +54,7 @@ class NodeSymbols:
         self.u = parts[n + accelerations : -2]
         self.t = start + self.p[0] * self.duration
         self.parameters = dict(zip(problem.parameters, ca.vertsplit(self.p)[1:], strict=True))
-        self.scope: dict[str, Any] = problem.scope(self.x, self.u, self.t, self.parameters)
+        self.scope: dict[str, Any] = problem.scope(self.x, self.u, self.t, self.parameters, CASADI)
 
     def function(self, name: str, values: Sequence[Any]) -> ca.Function:
         """The Function (z, p) -> values."""

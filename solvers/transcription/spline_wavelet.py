@@ -39,7 +39,7 @@ from solvers.bases.legendre import legendre_gauss
 from solvers.coefficients import SPLINE_WAVELET
 from solvers.costates import second_order_costates
 from solvers.curves import Curve, DerivativeCurve, LinearCurve, SplineCurve
-from solvers.problem import Interval, MechanicalDynamics
+from solvers.problem import Interval
 from solvers.scaling import nearest_power_of_two
 from solvers.symbolic import CASADI
 from solvers.trajectory import Trajectory
@@ -60,14 +60,14 @@ class SplineWavelet(Transcription):
     adaptive: bool = False
 
     def __post_init__(self) -> None:
-        dynamics = self.problem.dynamics
-        self._mechanical = dynamics if isinstance(dynamics, MechanicalDynamics) else None
-        self._splines = len(self.problem.states) if self._mechanical is None else self._mechanical.coordinates
+        coordinates = self.problem.dynamics.coordinates
+        self._second_order = coordinates > 0
+        self._splines = coordinates or len(self.problem.states)
         self.space = self.knots.space
-        self.points = self.space.greville(1 if self._mechanical is None else 2)
+        self.points = self.space.greville(2 if self._second_order else 1)
         self._smooth_controls = (
             self.adaptive
-            and self._mechanical is None
+            and not self._second_order
             and self.problem.running_cost is not None
             and not np.isfinite(self.problem.control_bounds).any()
         )
@@ -80,7 +80,7 @@ class SplineWavelet(Transcription):
     @property
     def mesh(self) -> Hashable:
         """The knots, how controls stand in the unknowns, and the scales of the equations of motion."""
-        scale = () if self._mechanical is None else tuple(self._residual_scale())
+        scale = tuple(self._residual_scale()) if self._second_order else ()
         return tuple(self.space.knots), self._smooth_controls, scale
 
     def allocate(self) -> None:
@@ -114,7 +114,7 @@ class SplineWavelet(Transcription):
 
     def nodes(self) -> Instants:
         """The knots."""
-        return self._at_points if self._mechanical is not None else self._instants(self.space.knots)
+        return self._at_points if self._second_order else self._instants(self.space.knots)
 
     def path_instants(self) -> Instants:
         """The collocation points."""
@@ -130,7 +130,7 @@ class SplineWavelet(Transcription):
             inside, shares = legendre_gauss(_COST_POINTS)
             tau = knots[:-1, None] + np.diff(knots)[:, None] * (inside + 1.0) / 2.0
             return self._instants(tau.ravel()), (np.diff(knots)[:, None] * shares / 2.0).ravel()
-        if self._mechanical is None:
+        if not self._second_order:
             return self._at_points, self.space.quadrature_weights(1)
         points = np.empty(2 * knots.size - 1)
         points[::2], points[1::2] = knots, (knots[1:] + knots[:-1]) / 2
@@ -144,9 +144,9 @@ class SplineWavelet(Transcription):
     def constrain_dynamics(self) -> None:
         """Second order: M q'' + C q' + K q - G u - f = 0. First order: x' - f = 0."""
         instants = self._at_points
-        if self._mechanical is not None:
+        if self._second_order:
             symbols = NodeSymbols(self.problem, self.per_tau, self._splines)
-            residual = self._mechanical.residual(symbols.accelerations, symbols.scope, CASADI)
+            residual = self.problem.dynamics.residual(symbols.accelerations, symbols.scope, CASADI)
             accelerations = self._spline_rows(self.points, 2)
             places = self.apply(symbols.function("residual", residual), instants, accelerations)
             scale = np.tile(self._residual_scale(), self.points.size)
@@ -184,7 +184,7 @@ class SplineWavelet(Transcription):
                 "name": SPLINE_WAVELET,
                 "L": self.knots.L,
                 "J": self.knots.finest,
-                "derivative": 1 if self._mechanical is None else 2,
+                "derivative": 2 if self._second_order else 1,
                 **({"active": [indices.tolist() for indices in self.knots.active]} if self.adaptive else {}),
             },
             breakpoints=np.union1d(self.points, self.space.knots),
@@ -198,7 +198,7 @@ class SplineWavelet(Transcription):
         the quadratic spline through the values. Lines through the values themselves would err to one side
         wherever the control is curved, which adds up over a flight. A control that rests on a bound stays.
         """
-        smooth = self.adaptive and self._mechanical is None
+        smooth = self.adaptive and not self._second_order
         if not smooth or not np.all((values > bounds[0]) & (values < bounds[1])):
             return values
         space = self.space.knots
@@ -219,13 +219,13 @@ class SplineWavelet(Transcription):
         which is a residual -M d_k: lambda_v is what has the integrals -M' mu_k / (tf - t0) against these
         splines. For first order the same with degree 2 and the defects.
         """
-        places = self.builder.places["rates" if self._mechanical is None else "residual"]
+        places = self.builder.places["residual" if self._second_order else "rates"]
         adjoint = self.builder.adjoint(places, row_multipliers) * self.scaling.objective
         weights = adjoint.reshape(self.points.size, -1)
-        if self._mechanical is None:
+        if not self._second_order:
             return self.space.dual_values(weights, 1).T
         weights = weights / trajectory.duration
-        return second_order_costates(self.problem, self._mechanical, trajectory, weights, self.space)
+        return second_order_costates(self.problem, trajectory, weights, self.space)
 
     @cached_property
     def _at_points(self) -> Instants:
@@ -234,7 +234,7 @@ class SplineWavelet(Transcription):
 
     def _instants(self, tau: Vector) -> Instants:
         states = self._spline_rows(tau, 0)
-        if self._mechanical is not None:
+        if self._second_order:
             states += self._spline_rows(tau, 1)
         rows = self._control_rows(tau)
         return Instants(
@@ -254,16 +254,15 @@ class SplineWavelet(Transcription):
 
     def _residual_scale(self) -> Vector:
         """The largest inertial term of each equation when the coordinates move by their scales."""
-        assert self._mechanical is not None
         problem, guess = self.problem, self.problem.guess
         start = np.zeros(1)
         scope = problem.scope(
-            guess.states_at(start)[:, 0], guess.controls_at(start)[:, 0], guess.t0, problem.parameters
+            guess.states_at(start)[:, 0], guess.controls_at(start)[:, 0], guess.t0, problem.parameters, NUMPY
         )
         none = np.zeros(self._splines)
-        still = np.array(self._mechanical.residual(none, scope, NUMPY), np.float64)
+        still = np.array(problem.dynamics.residual(none, scope, NUMPY), np.float64)
         columns = [
-            np.array(self._mechanical.residual(row, scope, NUMPY), np.float64) - still
+            np.array(problem.dynamics.residual(row, scope, NUMPY), np.float64) - still
             for row in np.eye(self._splines)
         ]
         inertial = np.abs(np.column_stack(columns)) * self.scaling.states[: self._splines]

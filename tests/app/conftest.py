@@ -84,6 +84,7 @@ def queue(redis: Redis, queue_settings: QueueSettings) -> JobQueue:
 def solved() -> bytes:
     """The compressed result of a real solve."""
     document = copy.deepcopy(FLEXIBLE_SPACECRAFT)
+    document["problem"]["outputs"] = [{"name": "root_moment", "expression": "2*k*alpha"}]
     outcome = of_solution(solve(check_document(document)), "a job", 2**25)
     assert outcome.result is not None
     return outcome.result

@@ -148,6 +148,12 @@ class TestTrajectory:
         sampled = client.get(f"{done}/trajectory", params={"samples": 50, "derivatives": 1}).json()
         np.testing.assert_allclose(sampled["rates"]["theta"], sampled["states"]["theta_dot"], atol=1e-9)
 
+    def test_with_outputs(self, client: httpx.Client, done: str) -> None:
+        sampled = client.get(f"{done}/trajectory", params={"samples": 50}).json()
+        np.testing.assert_allclose(
+            sampled["outputs"]["root_moment"], 200.0 * np.array(sampled["states"]["alpha"])
+        )
+
     @pytest.mark.parametrize(
         ("params", "name"),
         [

@@ -1,0 +1,42 @@
+"""Expressions made of expressions, for what the product writes itself."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from functools import reduce
+
+from solvers.expressions.expression import Code, Expression
+from solvers.expressions.parser import instruction, parse
+
+
+def combined(mark: str, left: Expression, right: Expression) -> Expression:
+    """Return ``left mark right`` for an operator ``+ - * / ^``; no limit of submitted text applies."""
+    return Expression(
+        f"({left.text}) {mark} ({right.text})",
+        {**right.positions, **left.positions},
+        left.operations + right.operations + 1,
+        (*left.program, *right.program, instruction(mark)),
+    )
+
+
+def total(terms: Sequence[Expression]) -> Expression:
+    """Return the sum of the terms, 0 without any."""
+    return reduce(lambda left, right: combined("+", left, right), terms) if terms else parse(0)
+
+
+def product(*factors: Expression) -> Expression:
+    """Return the product of the factors, 1 without any."""
+    return reduce(lambda left, right: combined("*", left, right), factors) if factors else parse(1)
+
+
+def renamed(expression: Expression, names: Mapping[str, str]) -> Expression:
+    """Return the expression with names replaced; the text names the new ones behind the old text."""
+    if not expression.names & names.keys():
+        return expression
+    program = tuple(
+        (code, names.get(payload, payload)) if code == Code.NAME else (code, payload)
+        for code, payload in expression.program
+    )
+    positions = {names.get(name, name): place for name, place in expression.positions.items()}
+    changes = ", ".join(f"{name}: {names[name]}" for name in expression.positions if name in names)
+    return Expression(f"{expression.text} {{{changes}}}", positions, expression.operations, program)

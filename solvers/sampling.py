@@ -1,0 +1,60 @@
+"""A trajectory as numbers: states, controls and outputs at given times."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from solvers.problem import OptimalControlProblem
+from solvers.spec import check_document
+from solvers.trajectory import Trajectory
+from solvers.verify import dense
+
+Vector = NDArray[np.float64]
+
+
+def sample(
+    problem: OptimalControlProblem, trajectory: Trajectory, times: Vector, *, derivatives: bool = False
+) -> dict[str, Any]:
+    """The ``trajectory`` of a result at these times: that of the curves, and ``outputs``."""
+    outputs = problem.outputs_at(trajectory, trajectory.one_sided(times))
+    return {
+        **trajectory.sample(times, derivatives=derivatives),
+        "outputs": {name: values.tolist() for name, values in outputs.items()},
+    }
+
+
+def problem_of(result: Mapping[str, Any]) -> OptimalControlProblem:
+    """The problem that a stored result answers."""
+    return OptimalControlProblem.from_spec(check_document(result["resolved"]["document"]).problem)
+
+
+def output_extremes(
+    problem: OptimalControlProblem, trajectory: Trajectory, sampled: Mapping[str, Any]
+) -> list[dict[str, Any]]:
+    """The ``outputs`` of a result: smallest and largest value of each, and when.
+
+    Looked for between the breakpoints of the trajectory and among what was ``sampled`` for the result.
+    """
+    tau = dense(trajectory.breakpoints)
+    times = np.concatenate([trajectory.time(tau), sampled["t"]])
+    units = {item.name: item.units for item in problem.outputs}
+    return [
+        {
+            "name": name,
+            "units": units[name],
+            **_extremes(np.concatenate([values, sampled["outputs"][name]]), times),
+        }
+        for name, values in problem.outputs_at(trajectory, tau).items()
+    ]
+
+
+def _extremes(values: Vector, times: Vector) -> dict[str, float | None]:
+    found: dict[str, float | None] = dict.fromkeys(("min", "min_at", "max", "max_at"))
+    if np.isfinite(values).any():
+        for key, index in (("min", np.nanargmin(values)), ("max", np.nanargmax(values))):
+            found |= {key: float(values[index]), f"{key}_at": float(times[index])}
+    return found
