@@ -14,11 +14,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from solvers.bases.daubechies import DaubechiesBasis
 from solvers.bases.graded import GradedKnots, GradedWavelets
 from solvers.bases.legendre import gauss_support, legendre_gauss
 from solvers.bases.spline_wavelet import SplineWaveletBasis
 from solvers.curves import (
     Curve,
+    DaubechiesCurve,
     DerivativeCurve,
     HermiteCurve,
     LagrangeCurve,
@@ -34,6 +36,7 @@ Lists = dict[str, list[float]]
 SPLINE_WAVELET = "cubic_spline_wavelet"
 LAGRANGE = "gauss_lagrange"
 HERMITE = "cubic_hermite"
+DAUBECHIES = "daubechies"
 
 
 @dataclass(frozen=True)
@@ -156,11 +159,7 @@ def _encode_hermite(basis: Mapping[str, Any], states: Curves, controls: Curves) 
     """Values at the knots, then slopes with respect to tau; controls at knots and middles, alternating."""
     return {
         "basis": {**basis, "order": ["values", "slopes"]},
-        "states": {
-            name: [*curve.values.tolist(), *curve.slopes.tolist()]
-            for name, curve in states.items()
-            if isinstance(curve, HermiteCurve)
-        },
+        "states": _cubics(states),
         "controls": {
             name: curve.values.tolist()
             for name, curve in controls.items()
@@ -174,20 +173,83 @@ def _decode_hermite(
 ) -> Decoded:
     basis = coefficients["basis"]
     knots = np.array(basis.get("knots", np.linspace(0.0, 1.0, basis["intervals"] + 1)), np.float64)
-    nodes = np.insert(knots, np.arange(1, knots.size), (knots[1:] + knots[:-1]) / 2.0)
     return Decoded(
-        {
-            name: HermiteCurve(knots, *np.reshape(values, (2, -1)))
-            for name, values in coefficients["states"].items()
-        },
+        _hermite_curves(knots, coefficients["states"]),
         {
             name: QuadraticCurve(knots, np.asarray(values, float))
             for name, values in coefficients["controls"].items()
         },
         "quadratic",
         knots,
-        nodes,
+        with_middles(knots),
     )
+
+
+def describe_daubechies(basis: DaubechiesBasis, level: int) -> dict[str, Any]:
+    """The ``basis`` of a trajectory with controls in Daubechies' functions, tabulated on ``level``."""
+    return {
+        "name": DAUBECHIES,
+        "wavelet": f"db{basis.order}",
+        "boundary": "periodic" if basis.periodic else "interval",
+        "scaling_functions": basis.scaling_functions,
+        "wavelet_levels": basis.levels,
+        "order": list(basis.blocks),
+        "level": level,
+    }
+
+
+def _encode_daubechies(basis: Mapping[str, Any], states: Curves, controls: Curves) -> dict[str, Any]:
+    """Controls by their coefficients, block after block; states as those of Hermite's cubics."""
+    return {
+        "basis": dict(basis),
+        "states": _cubics(states),
+        "controls": {
+            name: curve.coefficients.tolist()
+            for name, curve in controls.items()
+            if isinstance(curve, DaubechiesCurve)
+        },
+    }
+
+
+def _decode_daubechies(
+    coefficients: Mapping[str, Any], node_controls: Mapping[str, Any], duration: float
+) -> Decoded:
+    described = coefficients["basis"]
+    basis = DaubechiesBasis(
+        int(described["wavelet"].removeprefix("db")),
+        described["scaling_functions"],
+        described["wavelet_levels"],
+        described["boundary"] == "periodic",
+    )
+    level = described["level"]
+    knots = basis.points(level)
+    return Decoded(
+        _hermite_curves(knots, coefficients["states"]),
+        {
+            name: DaubechiesCurve(basis, level, np.array(values, np.float64))
+            for name, values in coefficients["controls"].items()
+        },
+        "quadratic",
+        knots,
+        with_middles(knots),
+    )
+
+
+def _cubics(states: Curves) -> Lists:
+    return {
+        name: [*curve.values.tolist(), *curve.slopes.tolist()]
+        for name, curve in states.items()
+        if isinstance(curve, HermiteCurve)
+    }
+
+
+def _hermite_curves(knots: Vector, lists: Mapping[str, list[float]]) -> dict[str, Curve]:
+    return {name: HermiteCurve(knots, *np.reshape(values, (2, -1))) for name, values in lists.items()}
+
+
+def with_middles(knots: Vector) -> Vector:
+    """The knots and the middles between them."""
+    return np.insert(knots, np.arange(1, knots.size), (knots[1:] + knots[:-1]) / 2.0)
 
 
 def _segment_values(curves: Curves) -> Lists:
@@ -204,4 +266,5 @@ _CODECS: dict[str, tuple[_Encoder, _Decoder]] = {
     SPLINE_WAVELET: (_encode_spline_wavelet, _decode_spline_wavelet),
     LAGRANGE: (_encode_lagrange, _decode_lagrange),
     HERMITE: (_encode_hermite, _decode_hermite),
+    DAUBECHIES: (_encode_daubechies, _decode_daubechies),
 }

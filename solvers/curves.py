@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicHermiteSpline, PPoly
 
 from solvers.bases.cubic_spline import CubicSplineSpace
+from solvers.bases.daubechies import DaubechiesBasis
 from solvers.bases.hermite import cubic_pieces, quadratic_pieces
 from solvers.bases.legendre import barycentric_weights, differentiation_matrix, lagrange_matrix
 
@@ -100,6 +101,28 @@ class QuadraticCurve:
     def _pieces(self) -> PPoly[np.float64]:
         triples = np.column_stack([self.values[:-2:2], self.values[1::2], self.values[2::2]])
         return quadratic_pieces(self.knots, triples)
+
+
+@dataclass(frozen=True)
+class DaubechiesCurve:
+    """A combination of Daubechies' functions, tabulated as parabolas on the dyadic intervals of ``level``.
+
+    Exact at the ends of these intervals, and in its integral over each.
+    """
+
+    basis: DaubechiesBasis
+    level: int
+    coefficients: Vector
+
+    def __call__(self, tau: Vector, derivative: int = 0) -> Vector:
+        """See :class:`Curve`."""
+        return self._parabolas(tau, derivative)
+
+    @cached_property
+    def _parabolas(self) -> QuadraticCurve:
+        return QuadraticCurve(
+            self.basis.points(self.level), self.coefficients @ self.basis.parabolas(self.level)
+        )
 
 
 @dataclass(frozen=True)

@@ -19,8 +19,9 @@ J. Guidance 10(4), 1987, doi 10.2514/3.20223; Betts, Practical Methods for Optim
 
 from __future__ import annotations
 
-from collections.abc import Hashable
+from collections.abc import Hashable, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,7 +29,7 @@ from scipy import sparse
 
 from solvers.backends import NUMPY
 from solvers.coefficients import HERMITE
-from solvers.curves import HermiteCurve, QuadraticCurve
+from solvers.curves import Curve, HermiteCurve, QuadraticCurve
 from solvers.trajectory import Trajectory
 from solvers.transcription.base import Transcription, control_columns
 from solvers.transcription.builder import fixed
@@ -53,35 +54,35 @@ class HermiteSimpson(Transcription):
         """The knots."""
         return tuple(self.knots)
 
-    @property
-    def _uneven(self) -> dict[str, list[float]]:
-        even = np.array_equal(self.knots, np.linspace(0.0, 1.0, self.knots.size))
-        return {} if even else {"knots": self.knots.tolist()}
-
     def allocate(self) -> None:
         """See :class:`Transcription`."""
-        for name, scale, initial, bounds in (
-            (
-                "states",
-                self.scaling.states,
-                lambda this: this.start.states_at(this.tau),
-                fixed(-np.inf, np.inf),
-            ),
-            (
-                "controls",
-                self.scaling.controls,
-                lambda this: this.start.controls_at(this.tau),
-                control_columns,
-            ),
-        ):
-            self.builder.unknowns(
-                name, (scale.size, self.tau.size), scale=scale, initial=initial, bounds=bounds
-            )
+        self.builder.unknowns(
+            "states",
+            (self.scaling.states.size, self.tau.size),
+            scale=self.scaling.states,
+            initial=lambda this: this.start.states_at(this.tau),
+            bounds=fixed(-np.inf, np.inf),
+        )
+        self.allocate_controls()
+
+    def allocate_controls(self) -> None:
+        """Append the block of controls."""
+        self.builder.unknowns(
+            "controls",
+            (self.scaling.controls.size, self.tau.size),
+            scale=self.scaling.controls,
+            initial=lambda this: this.start.controls_at(this.tau),
+            bounds=control_columns,
+        )
 
     def nodes(self) -> Instants:
         """The ends and middles of the intervals."""
-        rows = [[self.builder.rows_of(block) for block in blocks] for blocks in self._blocks]
-        return Instants(self.tau, rows[0], rows[1])
+        states = [self.builder.rows_of(block) for block in self.builder.blocks["states"]]
+        return Instants(self.tau, states, self.control_rows())
+
+    def control_rows(self) -> list[sparse.csr_array]:
+        """The rows of each control at the nodes."""
+        return [self.builder.rows_of(block) for block in self.builder.blocks["controls"]]
 
     def path_instants(self) -> Instants:
         """The ends and middles of the intervals."""
@@ -100,20 +101,20 @@ class HermiteSimpson(Transcription):
         order = np.arange(2 * widths.size).reshape(2, -1).T.ravel()
         differences = sparse.csr_array(sparse.vstack([hermite, simpson], format="csr")[order])
         rates = sparse.csr_array(sparse.vstack([hermite_rates, -self._simpson()], format="csr")[order])
-        states = [self.builder.rows_of(block, differences) for block in self._blocks[0]]
+        states = [self.builder.rows_of(block, differences) for block in self.builder.blocks["states"]]
         self.add_defects(states, self.apply_rate(self.nodes()), rates)
 
     def read(self, unknowns: Vector) -> Trajectory:
         """See :class:`Transcription`."""
         problem = self.problem
         t0, tf = (float(unknowns[block.start]) for block in self.builder.blocks["times"])
-        states, controls = (
-            np.array([unknowns[block.start : block.stop] for block in blocks]).reshape(-1, self.tau.size)
-            for blocks in self._blocks
-        )
+        blocks = self.builder.blocks["states"]
+        states = np.array([unknowns[block.start : block.stop] for block in blocks]).reshape(-1, self.tau.size)
+        curves = self.control_curves(unknowns)
+        controls = np.array([curve(self.knots) for curve in curves]).reshape(-1, self.knots.size)
         times = t0 + (tf - t0) * self.knots
         with np.errstate(all="ignore"):  # the last iterate of a failed solve may have no finite rate
-            rate = problem.rate(states[:, ::2], controls[:, ::2], times, problem.parameters, NUMPY)
+            rate = problem.rate(states[:, ::2], controls, times, problem.parameters, NUMPY)
         slopes = (tf - t0) * np.array(np.broadcast_arrays(*rate, self.knots)[:-1])
         slopes[~np.isfinite(slopes)] = 0.0
         return Trajectory(
@@ -123,16 +124,23 @@ class HermiteSimpson(Transcription):
                 name: HermiteCurve(self.knots, values[::2], slope)
                 for name, values, slope in zip(problem.states, states, slopes, strict=True)
             },
-            {name: QuadraticCurve(self.knots, u) for name, u in zip(problem.controls, controls, strict=True)},
+            dict(zip(problem.controls, curves, strict=True)),
             interpolation="quadratic",
-            basis={"name": HERMITE, "intervals": self.knots.size - 1, **self._uneven},
+            basis=self.described_basis(),
             breakpoints=self.knots,
             nodes=self.tau,
         )
 
-    @property
-    def _blocks(self) -> tuple[list[range], list[range]]:
-        return self.builder.blocks["states"], self.builder.blocks["controls"]
+    def control_curves(self, unknowns: Vector) -> Sequence[Curve]:
+        """The controls as functions of tau."""
+        blocks = self.builder.blocks["controls"]
+        return [QuadraticCurve(self.knots, unknowns[block.start : block.stop]) for block in blocks]
+
+    def described_basis(self) -> dict[str, Any]:
+        """The ``basis`` of a trajectory."""
+        even = np.array_equal(self.knots, np.linspace(0.0, 1.0, self.knots.size))
+        uneven = {} if even else {"knots": self.knots.tolist()}
+        return {"name": HERMITE, "intervals": self.knots.size - 1, **uneven}
 
     def _simpson(self) -> sparse.csr_array:
         widths = np.diff(self.knots)

@@ -8,12 +8,14 @@ import casadi as ca
 import numpy as np
 import pytest
 
+from solvers.bases.daubechies import DaubechiesBasis
 from solvers.bases.graded import GradedKnots
 from solvers.problem import OptimalControlProblem
 from solvers.program import NonlinearProgram, compile_program
 from solvers.scaling import automatic_scaling
 from solvers.spec import check_document
 from solvers.transcription.base import Transcription
+from solvers.transcription.daubechies_controls import DaubechiesControls
 from solvers.transcription.gauss_pseudospectral import GaussPseudospectral
 from solvers.transcription.hermite_simpson import HermiteSimpson
 from solvers.transcription.spline_wavelet import SplineWavelet
@@ -27,6 +29,8 @@ def transcribe(name: str, document: dict[str, Any]) -> Transcription:
             return SplineWavelet(*common, GradedKnots.uniform(5, 1))
         case "gpm":
             return GaussPseudospectral(*common, np.array([0.0, 0.4, 1.0]), (4, 3))
+        case "daubechies":
+            return DaubechiesControls(*common, DaubechiesBasis(2, 3), 0)
         case _:
             return HermiteSimpson(*common, np.array([0.0, 0.3, 0.5, 1.0]))
 
@@ -42,7 +46,7 @@ def with_everything(document: dict[str, Any]) -> dict[str, Any]:
     return document
 
 
-@pytest.fixture(params=["swcm", "gpm", "hermite_simpson"])
+@pytest.fixture(params=["swcm", "gpm", "hermite_simpson", "daubechies"])
 def program(request: pytest.FixtureRequest, flexible_spacecraft: dict[str, Any]) -> NonlinearProgram:
     return transcribe(request.param, with_everything(flexible_spacecraft)).program()
 
