@@ -41,7 +41,6 @@ class _Numbers(Collector):
     def __init__(self, counts: Counts, messages: int, workers: Mapping[str, int]) -> None:
         self._counts = counts
         self._gauges = {
-            "ondelette_jobs_queued": ("Jobs that wait.", counts.queued),
             "ondelette_jobs_running": ("Jobs that a worker is at.", counts.running),
             "ondelette_queue_messages": ("Messages that no worker has fetched.", messages),
             "ondelette_oldest_queued_seconds": ("How long the oldest waiting job waits.", counts.oldest),
@@ -53,6 +52,10 @@ class _Numbers(Collector):
         """Iterate over the families."""
         for name, (explanation, value) in self._gauges.items():
             yield GaugeMetricFamily(name, explanation, value)
+        queued = GaugeMetricFamily("ondelette_jobs_queued", "Jobs that wait.", labels=["priority"])
+        for priority, waiting in self._counts.queued.items():
+            queued.add_metric([priority], waiting)
+        yield queued
         for name, explanation in _COUNTERS.items():
             value = self._counts.totals.get(_FIELDS.get(name, name), 0.0)
             yield CounterMetricFamily(f"ondelette_{name}", explanation, value)

@@ -6,7 +6,7 @@ from typing import Any
 
 from pydantic import BaseModel, Field
 
-from worker.records import FailureType, JobRecord, JobStatus, timestamp
+from worker.records import FailureType, JobRecord, JobStatus, Priority, timestamp
 
 
 class ProgressView(BaseModel):
@@ -47,7 +47,9 @@ class JobView(BaseModel):
     tags: list[str]
     status: JobStatus
     method: str
+    priority: Priority
     created_at: str
+    deadline_at: str | None = Field(description="When nobody waits for the answer any more.")
     started_at: str | None
     finished_at: str | None
     progress: ProgressView | None
@@ -69,9 +71,11 @@ class JobView(BaseModel):
             tags=list(record.tags),
             status=record.status,
             method=record.method,
+            priority=record.priority,
             created_at=timestamp(record.created_at),
-            started_at=None if record.started_at is None else timestamp(record.started_at),
-            finished_at=None if record.finished_at is None else timestamp(record.finished_at),
+            deadline_at=_moment(record.deadline_at),
+            started_at=_moment(record.started_at),
+            finished_at=_moment(record.finished_at),
             progress=None if record.progress is None else ProgressView.model_validate(record.progress),
             error=None
             if error is None
@@ -88,6 +92,10 @@ class JobView(BaseModel):
                 plot=f"{here}/plot.svg",
             ),
         )
+
+
+def _moment(seconds: float | None) -> str | None:
+    return None if seconds is None else timestamp(seconds)
 
 
 class JobPage(BaseModel):

@@ -19,7 +19,7 @@ from worker.claims import Claims
 from worker.errors import JobGone, JobNotFound, QueueUnavailable
 from worker.queue import JobQueue, make_celery
 from worker.reconciler import Reconciler
-from worker.records import JobRecord, JobStatus, new_job_id
+from worker.records import JobRecord, JobStatus, Priority, new_job_id
 from worker.store import JobStore, connect
 
 _LONGEST_RETRY = 300
@@ -65,15 +65,18 @@ class Service:
         """
         spec, size = check(body)
         self._find_start(spec)
+        now = time.time()
         record = JobRecord(
-            id=new_job_id(),
+            id=new_job_id(now),
             status=JobStatus.QUEUED,
             method=spec.method.name,
             max_seconds=float(spec.options.max_seconds),
-            created_at=time.time(),
+            created_at=now,
             estimate=min(size.seconds, float(spec.options.max_seconds)),
             name=spec.name or None,
             tags=tuple(spec.tags),
+            priority=Priority(spec.priority),
+            deadline_at=None if spec.deadline_seconds is None else now + spec.deadline_seconds,
         )
         if key is None:
             self._queue(record, body)
@@ -105,7 +108,7 @@ class Service:
         # The record first: a worker may have the message before this process has its answer.
         self.store.add(record, body)
         try:
-            self.queue.enqueue(record.id, record.max_seconds)
+            self.queue.enqueue(record)
         except QueueUnavailable:
             self.store.discard(record.id)
             raise

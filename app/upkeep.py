@@ -1,11 +1,11 @@
-"""What the API does besides answering: looking after jobs that nobody works on."""
+"""What the API does besides answering: looking after jobs that nobody works on, or waits for."""
 
 from __future__ import annotations
 
 import asyncio
 import contextlib
 import logging
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Callable
 
 from fastapi.concurrency import run_in_threadpool
 from redis.exceptions import RedisError
@@ -15,29 +15,37 @@ from worker.reconciler import Reconciler
 
 logger = logging.getLogger(__name__)
 
+DEADLINES = 0.5
+"""Time between two looks for jobs whose deadline has passed, in seconds."""
+
 
 @contextlib.asynccontextmanager
 async def upkeep(reconciler: Reconciler, period: float) -> AsyncIterator[None]:
-    """Let ``reconciler`` take its turn every ``period`` seconds as long as the context lasts."""
-    task = asyncio.create_task(_reconcile(reconciler, period), name="reconciler")
+    """Let ``reconciler`` take its turn every ``period`` seconds, and mind deadlines, in this context."""
+    # A little less than the period, in which one of all processes takes a turn.
+    reconciling = _regularly(lambda: reconciler.take_turn(period), 0.9 * period)
+    tasks = [
+        asyncio.create_task(reconciling, name="reconciler"),
+        asyncio.create_task(_regularly(reconciler.give_up_overdue, DEADLINES), name="deadlines"),
+    ]
     try:
         yield
     finally:
-        task.cancel()
-        with contextlib.suppress(asyncio.CancelledError):
-            await task
+        for task in tasks:
+            task.cancel()
+            with contextlib.suppress(asyncio.CancelledError):
+                await task
 
 
-async def _reconcile(reconciler: Reconciler, period: float) -> None:
+async def _regularly(look: Callable[[], None], period: float) -> None:
     away = False
     while True:
         try:
-            await run_in_threadpool(reconciler.take_turn, period)
+            await run_in_threadpool(look)
         except (RedisError, QueueUnavailable) as error:
             if not away:
                 logger.warning("the broker does not answer (%s); jobs are looked after when it does", error)
             away = True
         else:
             away = False
-        # A little less than the period, in which one of all processes takes a turn.
-        await asyncio.sleep(0.9 * period)
+        await asyncio.sleep(period)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from dataclasses import replace
 from typing import Any
@@ -32,10 +33,16 @@ _VERIFY_SECONDS_UNCONVERGED = 2.0
 _VERIFY_SECONDS_CANCELLED = 0.5
 
 
-def solve(spec: JobSpec, progress: Progress | None = None, earlier: Trajectory | None = None) -> Solution:
+def solve(
+    spec: JobSpec,
+    progress: Progress | None = None,
+    earlier: Trajectory | None = None,
+    seconds: float = math.inf,
+) -> Solution:
     """Solve a checked document and verify the answer.
 
-    ``earlier`` is the answer of the job that the document names in ``warm_start``. Never raises for a
+    ``earlier`` is the answer of the job that the document names in ``warm_start``; ``seconds`` is the time
+    there is, where that is less than the document's ``max_seconds``. Never raises for a
     numerical failure: the last iterate comes back with its status. Raises DocumentError if ``warm_start`` is
     given without ``earlier``, and what ``progress`` raises.
     """
@@ -43,7 +50,7 @@ def solve(spec: JobSpec, progress: Progress | None = None, earlier: Trajectory |
         detail = "there is no earlier job to start from here; guess.from_result takes the nodes of a result"
         raise DocumentError([Fault("/warm_start", detail)])
     started = time.perf_counter()
-    session = _session(spec, progress or SilentProgress())
+    session = _session(spec, progress or SilentProgress(), min(spec.options.max_seconds, seconds))
     session.seconds["build"] = time.perf_counter() - started
     problem, method = session.problem, first_method(spec.method)
     span = _FIRST_SPAN if wants_more(spec.method) else 1.0
@@ -84,14 +91,14 @@ def solve(spec: JobSpec, progress: Progress | None = None, earlier: Trajectory |
     )
 
 
-def _session(spec: JobSpec, progress: Progress) -> Session:
+def _session(spec: JobSpec, progress: Progress, seconds: float) -> Session:
     problem = OptimalControlProblem.from_spec(spec.problem)
     return Session(
         problem,
         automatic_scaling(problem),
         spec.options.tolerance,
         spec.options.max_iterations,
-        Limits(time.monotonic() + spec.options.max_seconds, progress.cancelled),
+        Limits(time.monotonic() + seconds, progress.cancelled),
         progress,
     )
 

@@ -322,7 +322,6 @@ def _unsupported() -> Iterator[BadDocument]:
             [{"name": "impulse", "expression": "abs(T)", "bounds": [None, 40]}],
         ),
         ("webhook", "/webhook", {"url": "http://127.0.0.1/"}),
-        ("deadline", "/deadline_seconds", 5),
     ):
         where = f"{pointer}/name" if pointer == "/method" else pointer
         yield BadDocument(f"unsupported: {name}", _json(changed(pointer, value)), where, "unsupported")

@@ -13,6 +13,8 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
+from worker.records import Priority
+
 BUCKETS = ("0.05", "0.1", "0.25", "0.5", "1", "2.5", "5", "10", "30", "60", "300", "1800", "3600")
 """Upper limits of the histogram of durations, in seconds, as they are written; above is ``+Inf``."""
 
@@ -21,7 +23,7 @@ BUCKETS = ("0.05", "0.1", "0.25", "0.5", "1", "2.5", "5", "10", "30", "60", "300
 class Counts:
     """How many jobs wait and run, how long the oldest waits (s), and what was counted so far by its field."""
 
-    queued: int
+    queued: Mapping[Priority, int]
     running: int
     oldest: float
     totals: Mapping[str, float]

@@ -16,11 +16,12 @@ from redis.exceptions import RedisError
 
 from worker.address import celery_url
 from worker.errors import QueueUnavailable
+from worker.priorities import queue_of
+from worker.records import JobRecord, Priority
 from worker.settings import QueueSettings
 
 _PUBLISHED = "published"
 SOLVE_TASK = "ondelette.solve"
-QUEUE = "solve"
 MAX_JOB_SECONDS = 3600
 """Largest options.max_seconds of a document, in seconds."""
 
@@ -33,8 +34,10 @@ def make_celery(settings: QueueSettings) -> Celery:
     """
     celery = Celery("ondelette", broker=celery_url(settings.broker), set_as_current=False)
     celery.conf.update(
-        task_default_queue=QUEUE,
-        task_queues=[Queue(QUEUE, Exchange("", type="direct"), routing_key=QUEUE)],
+        task_default_queue=queue_of(Priority.NORMAL),
+        task_queues=[
+            Queue(name, Exchange("", type="direct"), routing_key=name) for name in map(queue_of, Priority)
+        ],
         task_create_missing_queues=False,
         task_acks_late=True,
         task_reject_on_worker_lost=True,
@@ -46,6 +49,8 @@ def make_celery(settings: QueueSettings) -> Celery:
         accept_content=["json"],
         task_time_limit=MAX_JOB_SECONDS + settings.grace_seconds + settings.outage_seconds,
         worker_prefetch_multiplier=1,
+        # A message that waits inside a worker could not be overtaken by a more urgent one.
+        worker_disable_prefetch=True,
         worker_cancel_long_running_tasks_on_connection_loss=False,
         worker_send_task_events=False,
         worker_enable_remote_control=False,
@@ -65,6 +70,9 @@ def make_celery(settings: QueueSettings) -> Celery:
             "socket_connect_timeout": 5,
             "retry_on_timeout": True,
             "global_keyprefix": settings.prefix,
+            "queue_order_strategy": "worker.priorities:Turns",
+            # No further priorities within a queue, each of which would be a key to ask for.
+            "priority_steps": [0],
         },
     )
     return celery
@@ -80,15 +88,16 @@ class JobQueue:
         # A child ends itself at max_seconds + grace; this is for one that cannot even do that.
         self._beyond = settings.grace_seconds + settings.outage_seconds
 
-    def enqueue(self, job_id: str, max_seconds: float) -> None:
+    def enqueue(self, record: JobRecord) -> None:
         """Publish a recorded job. Raises QueueUnavailable if the broker did not take it."""
         try:
             self._celery.send_task(
                 SOLVE_TASK,
-                args=[job_id],
-                task_id=job_id,
+                args=[record.id],
+                task_id=record.id,
+                queue=queue_of(record.priority),
                 headers={_PUBLISHED: time.time()},
-                time_limit=math.ceil(max_seconds + self._beyond),
+                time_limit=math.ceil(record.max_seconds + self._beyond),
                 retry=True,
                 retry_policy={"max_retries": 1, "interval_start": 0.1, "interval_step": 0.2},
             )
@@ -99,9 +108,9 @@ class JobQueue:
         """Close the connections by which jobs are published."""
         self._celery.close()
 
-    def head(self) -> float | None:
-        """Return when the message that is fetched next was published, None if there is none."""
-        message = cast(bytes | None, self._redis.lindex(f"{self._prefix}{QUEUE}", -1))
+    def head(self, priority: Priority) -> float | None:
+        """Return when the message of a priority that is fetched next was published, None if there is none."""
+        message = cast(bytes | None, self._redis.lindex(self._key(priority), -1))
         return None if message is None else float(json.loads(message)["headers"][_PUBLISHED])
 
     def in_flight(self) -> set[str]:
@@ -111,7 +120,13 @@ class JobQueue:
 
     def depth(self) -> int:
         """Return how many jobs wait that no worker has fetched."""
-        return self._redis.llen(f"{self._prefix}{QUEUE}")
+        with self._redis.pipeline(transaction=True) as pipe:
+            for priority in Priority:
+                pipe.llen(self._key(priority))
+            return sum(pipe.execute())
+
+    def _key(self, priority: Priority) -> str:
+        return f"{self._prefix}{queue_of(priority)}"
 
     # A worker is alive as long as it says so: a key for each, which the server lets expire.
 

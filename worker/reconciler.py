@@ -14,7 +14,7 @@ import time
 
 from worker.errors import JobGone, JobNotFound
 from worker.queue import JobQueue
-from worker.records import JobRecord, JobStatus
+from worker.records import JobRecord, JobStatus, Priority
 from worker.store import JobStore
 
 logger = logging.getLogger(__name__)
@@ -46,6 +46,10 @@ class Reconciler:
             self.republish()
             self._store.tidy(_BATCH)
 
+    def give_up_overdue(self) -> None:
+        """End waiting jobs whose deadline has passed. Cheap: any process may, as often as it likes."""
+        self._store.give_up_overdue(_BATCH)
+
     def reclaim(self) -> int:
         """Take back running jobs whose solve is lost; return how many."""
         silent = self._store.silent(self._silence, _BATCH)
@@ -58,12 +62,14 @@ class Reconciler:
     def republish(self) -> int:
         """Publish again the waiting jobs that have no message; return how many.
 
-        Messages are fetched in the order of their publishing. So a job whose message is not to be found is
-        one that was published before the message that is fetched next, and that no worker holds.
+        Messages of one priority are fetched in the order of their publishing. So a job whose message is lost
+        is one that was published before the message that is fetched next, and that no worker holds.
         """
-        head = self._queue.head()
-        horizon = (time.time() if head is None else head) - self._settle
-        overdue = self._store.queued_before(horizon, _BATCH)
+        overdue: list[str] = []
+        for priority in Priority:
+            head = self._queue.head(priority)
+            horizon = (time.time() if head is None else head) - self._settle
+            overdue += self._store.queued_before(priority, horizon, _BATCH)
         held = self._queue.in_flight() if overdue else set()
         missing = [job_id for job_id in overdue if job_id not in held]
         return sum(self._publish(job_id) for job_id in missing)
@@ -74,8 +80,8 @@ class Reconciler:
             self._store.unlist(job_id)
             return False
         logger.warning("job %s has no message; it is published again", job_id)
-        self._queue.enqueue(job_id, record.max_seconds)
-        self._store.published(job_id)
+        self._queue.enqueue(record)
+        self._store.published(record)
         return True
 
     def _waiting(self, job_id: str) -> JobRecord | None:

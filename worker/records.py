@@ -45,6 +45,14 @@ TRANSITIONS: Mapping[JobStatus, frozenset[JobStatus]] = {
 }
 
 
+class Priority(StrEnum):
+    """How urgent a job is, most urgent first."""
+
+    HIGH = "high"
+    NORMAL = "normal"
+    LOW = "low"
+
+
 class FailureType(StrEnum):
     """Why a job failed: the endings of a solve without success, and those in which there was no solve."""
 
@@ -84,7 +92,8 @@ class JobRecord:
 
     ``version`` grows by one with every change, so that two readings are equal exactly if their versions are.
     ``estimate`` is the time that the solve was expected to take, in seconds, when the job was accepted.
-    ``attempts`` counts starts, ``losses`` those whose worker vanished without a word.
+    ``attempts`` counts starts, ``losses`` those whose worker vanished without a word. After ``deadline_at``
+    nobody waits for the answer any more.
     """
 
     id: str
@@ -95,6 +104,8 @@ class JobRecord:
     estimate: float = 0.0
     name: str | None = None
     tags: tuple[str, ...] = ()
+    priority: Priority = Priority.NORMAL
+    deadline_at: float | None = None
     started_at: float | None = None
     finished_at: float | None = None
     progress: Mapping[str, Any] | None = None
@@ -115,10 +126,13 @@ class JobRecord:
             "created_at": repr(self.created_at),
             "estimate": repr(self.estimate),
             "tags": json.dumps(self.tags),
+            "priority": self.priority.value,
             "version": str(self.version),
         }
         if self.name is not None:
             fields["name"] = self.name
+        if self.deadline_at is not None:
+            fields["deadline_at"] = repr(self.deadline_at)
         return fields
 
     @classmethod
@@ -133,6 +147,8 @@ class JobRecord:
             estimate=float(fields["estimate"]),
             name=fields.get("name"),
             tags=tuple(json.loads(fields["tags"])),
+            priority=Priority(fields["priority"]),
+            deadline_at=float(fields["deadline_at"]) if "deadline_at" in fields else None,
             started_at=float(fields["started_at"]) if "started_at" in fields else None,
             finished_at=float(fields["finished_at"]) if "finished_at" in fields else None,
             progress=json.loads(fields["progress"]) if "progress" in fields else None,

@@ -1,10 +1,11 @@
 """The changes of a job that must be one step for everyone: Lua scripts run inside the server.
 
-Every script about one job has KEYS = record, document, result, tombstone, queued, running, events, counts,
-and ARGV = id, channel, now, retention, memory, lease (how long, in seconds, an ended job is kept; how long
-after that it is known to have existed; how long a running job belongs to a solve that is silent), and its own
-arguments from ARGV[7] on. ``queued`` and ``running`` are sorted sets of job ids: by the time at which the job
-was published, and by the time until which its solve owns it. ``events`` is the stream of what happened to it,
+Every script about one job has KEYS = record, document, result, tombstone, running, events, counts, deadlines,
+queued (high, normal, low), and ARGV = id, channel, now, retention, memory, lease (how long, in seconds, an
+ended job is kept; how long after that it is known to have existed; how long a running job belongs to a solve
+that is silent), and its own arguments from ARGV[7] on. ``queued``, one for each priority, ``running`` and
+``deadlines`` are sorted sets of job ids: by the time at which the job was published, the time until which its
+solve owns it, and the time after which nobody waits for it. ``events`` is the stream of what happened to it,
 ``counts`` a hash of numbers over all jobs (`worker.counts`).
 
 Whoever solves a job is its ``owner``, a word written at the start: what any other solve of the same job
@@ -19,6 +20,9 @@ from worker.counts import BUCKETS
 
 _COMMON = """
 local function status() return redis.call('HGET', KEYS[1], 'status') end
+local function queued()
+  return ({high = KEYS[9], normal = KEYS[10], low = KEYS[11]})[redis.call('HGET', KEYS[1], 'priority')]
+end
 local function mine(owner) return status() == 'running' and redis.call('HGET', KEYS[1], 'owner') == owner end
 local function owned_by(worker)
   local owner = redis.call('HGET', KEYS[1], 'owner')
@@ -29,17 +33,17 @@ local function clock()
   return tonumber(time[1]) + tonumber(time[2]) / 1e6
 end
 local function lend(seconds)
-  redis.call('ZADD', KEYS[6], string.format('%.3f', clock() + seconds), ARGV[1])
+  redis.call('ZADD', KEYS[5], string.format('%.3f', clock() + seconds), ARGV[1])
 end
 -- Whether the owner of a running job may still be at work.
 local function held()
-  local till = tonumber(redis.call('ZSCORE', KEYS[6], ARGV[1]) or 0)
+  local till = tonumber(redis.call('ZSCORE', KEYS[5], ARGV[1]) or 0)
   if till == 0 then return false end
   if clock() < till then return true end
   local uptime = string.match(redis.call('INFO', 'server'), 'uptime_in_seconds:(%d+)')
   return tonumber(uptime) < tonumber(ARGV[6])
 end
-local function count(name, by) redis.call('HINCRBY', KEYS[8], name, by or 1) end
+local function count(name, by) redis.call('HINCRBY', KEYS[7], name, by or 1) end
 local buckets = {BUCKETS}
 local function count_end(to, failure)
   local record = redis.call('HMGET', KEYS[1], 'method', 'started_at')
@@ -48,14 +52,14 @@ local function count_end(to, failure)
   if not record[2] then return end
   local seconds = math.max(0, ARGV[3] - record[2])
   local name = record[1] .. ' ' .. outcome
-  redis.call('HINCRBYFLOAT', KEYS[8], 'seconds ' .. name, string.format('%.6f', seconds))
+  redis.call('HINCRBYFLOAT', KEYS[7], 'seconds ' .. name, string.format('%.6f', seconds))
   for _, bucket in ipairs(buckets) do
     if seconds <= bucket then return count('within ' .. name .. ' ' .. bucket) end
   end
   count('within ' .. name .. ' +Inf')
 end
 local function note(event, data)
-  redis.call('XADD', KEYS[7], 'MAXLEN', '~', 1000, '*', 'event', event, 'data', data)
+  redis.call('XADD', KEYS[6], 'MAXLEN', '~', 1000, '*', 'event', event, 'data', data)
   redis.call('PUBLISH', ARGV[2], ARGV[1] .. ' ' .. event)
 end
 local function note_status()
@@ -66,9 +70,9 @@ end
 local function move(to)
   redis.call('HSET', KEYS[1], 'status', to)
   redis.call('HINCRBY', KEYS[1], 'version', 1)
+  redis.call('ZREM', queued(), ARGV[1])
   redis.call('ZREM', KEYS[5], ARGV[1])
-  redis.call('ZREM', KEYS[6], ARGV[1])
-  if to == 'queued' then redis.call('ZADD', KEYS[5], redis.call('HGET', KEYS[1], 'created_at'), ARGV[1]) end
+  if to == 'queued' then redis.call('ZADD', queued(), redis.call('HGET', KEYS[1], 'created_at'), ARGV[1]) end
   if to == 'running' then lend(tonumber(ARGV[6])) end
   note_status()
 end
@@ -76,10 +80,15 @@ local function finish(to, failure)
   count_end(to, failure)
   redis.call('HSET', KEYS[1], 'finished_at', ARGV[3])
   redis.call('HDEL', KEYS[1], 'owner')
+  redis.call('ZREM', KEYS[8], ARGV[1])
   if failure ~= '' then redis.call('HSET', KEYS[1], 'error', failure) end
   move(to)
-  for _, key in ipairs({KEYS[1], KEYS[2], KEYS[3], KEYS[7]}) do redis.call('EXPIRE', key, ARGV[4]) end
+  for _, key in ipairs({KEYS[1], KEYS[2], KEYS[3], KEYS[6]}) do redis.call('EXPIRE', key, ARGV[4]) end
   redis.call('SET', KEYS[4], '', 'EX', ARGV[4] + ARGV[5])
+end
+local function overdue()
+  local deadline = redis.call('HGET', KEYS[1], 'deadline_at')
+  return deadline and tonumber(deadline) <= tonumber(ARGV[3])
 end
 local function requeue()
   redis.call('HDEL', KEYS[1], 'owner', 'started_at', 'progress')
@@ -99,7 +108,7 @@ START = (
     _COMMON
     + """
 -- ARGV[7] owner, ARGV[8] losses that end the job, ARGV[9] the error it then has, ARGV[10] 1 if the message
--- was delivered before.
+-- was delivered before, ARGV[11] the error of a job whose deadline has passed.
 if ARGV[10] == '1' then count('redeliveries') end
 local now = status()
 if not now then return 'missing' end
@@ -113,6 +122,10 @@ if now == 'running' then
   if not survives(ARGV[8], ARGV[9]) then return status() end
 elseif now ~= 'queued' then
   return now
+end
+if overdue() then
+  finish('failed', ARGV[11])
+  return status()
 end
 redis.call('HSET', KEYS[1], 'owner', ARGV[7], 'started_at', ARGV[3])
 redis.call('HDEL', KEYS[1], 'progress')
@@ -132,7 +145,7 @@ REPORT = (
     + """
 -- ARGV[7] owner, ARGV[8] progress as JSON or '' for nothing new.
 if not mine(ARGV[7]) then return 'lost' end
-local left = tonumber(redis.call('ZSCORE', KEYS[6], ARGV[1]) or 0) - clock()
+local left = tonumber(redis.call('ZSCORE', KEYS[5], ARGV[1]) or 0) - clock()
 if left < ARGV[6] / 2 then lend(tonumber(ARGV[6])) end
 if ARGV[8] ~= '' then
   redis.call('HSET', KEYS[1], 'progress', ARGV[8])
@@ -185,7 +198,7 @@ local record = redis.call('HMGET', KEYS[1], 'started_at', 'max_seconds')
 if ARGV[3] - record[1] >= record[2] + ARGV[8] then
   finish('failed', ARGV[9])
 else
-  redis.call('ZADD', KEYS[6], 0, ARGV[1])
+  redis.call('ZADD', KEYS[5], 0, ARGV[1])
 end
 return 1
 """
@@ -208,7 +221,7 @@ RECLAIM = (
     + """
 -- ARGV[7] losses that end the job, ARGV[8] the error it then has.
 if status() ~= 'running' then
-  redis.call('ZREM', KEYS[6], ARGV[1])
+  redis.call('ZREM', KEYS[5], ARGV[1])
   return 0
 end
 if held() or not survives(ARGV[7], ARGV[8]) then return 0 end
@@ -218,6 +231,22 @@ return 1
 """
 )
 """Put a running job that nobody owns any more back to queued, 1 if it is to be published again."""
+
+GIVE_UP = (
+    _COMMON
+    + """
+-- ARGV[7] the error.
+local now = status()
+if now == 'running' then return 0 end
+if now == 'queued' and overdue() then
+  finish('failed', ARGV[7])
+  return 1
+end
+redis.call('ZREM', KEYS[8], ARGV[1])
+return 0
+"""
+)
+"""End a waiting job whose deadline has passed; a running one ends by itself."""
 
 CANCEL = (
     _COMMON
@@ -237,11 +266,11 @@ return status()
 ERASE = (
     _COMMON
     + """
--- KEYS[9] the index.
+-- KEYS[12] the index.
 local now = status()
 if not now or now == 'queued' or now == 'running' then return now end
-redis.call('DEL', KEYS[1], KEYS[2], KEYS[3], KEYS[7])
-redis.call('ZREM', KEYS[9], ARGV[1])
+redis.call('DEL', KEYS[1], KEYS[2], KEYS[3], KEYS[6])
+redis.call('ZREM', KEYS[12], ARGV[1])
 redis.call('SET', KEYS[4], '', 'EX', ARGV[5])
 return 'erased'
 """

@@ -7,6 +7,7 @@ change of status is one script (`worker.scripts`), so that two processes never s
 from __future__ import annotations
 
 import json
+import math
 import secrets
 import time
 import zlib
@@ -24,7 +25,16 @@ from worker import scripts
 from worker.address import redis_url
 from worker.counts import Counts
 from worker.errors import JobActive, JobGone, JobNotFound
-from worker.records import FIRST, FailureType, JobError, JobEvent, JobRecord, JobStatus, is_job_id
+from worker.records import (
+    FIRST,
+    FailureType,
+    JobError,
+    JobEvent,
+    JobRecord,
+    JobStatus,
+    Priority,
+    is_job_id,
+)
 from worker.settings import QueueSettings
 
 MAX_LOSSES = 2
@@ -40,6 +50,13 @@ _GIVEN_UP = JobError(
     "The worker was lost.",
     f"The job was started {MAX_LOSSES} times and its worker ended without a word each time; it is not tried "
     "again. A smaller problem may go through; the worker's log tells why it ended.",
+)
+
+
+_LATE = JobError(
+    FailureType.TIME_LIMIT,
+    "The deadline passed.",
+    "The time of deadline_seconds was over before the job could be solved.",
 )
 
 
@@ -88,7 +105,8 @@ class JobStore:
         """Channel on which every event of a job is published as ``<id> <event>``."""
         self._prefix = settings.prefix
         self._index = f"{settings.prefix}index"
-        self._queued = f"{settings.prefix}queued"
+        self._queued = {priority: f"{settings.prefix}queued:{priority}" for priority in Priority}
+        self._deadlines = f"{settings.prefix}deadlines"
         self._running = f"{settings.prefix}running"
         self._counts = f"{settings.prefix}counts"
         self._unacked = f"{settings.prefix}unacked_index"
@@ -102,6 +120,7 @@ class JobStore:
         self._renew = self._script(scripts.RENEW)
         self._reclaim = self._script(scripts.RECLAIM)
         self._hand_back = self._script(scripts.HAND_BACK)
+        self._give_up = self._script(scripts.GIVE_UP)
         self._cancel = self._script(scripts.CANCEL)
         self._erase = self._script(scripts.ERASE)
 
@@ -114,7 +133,9 @@ class JobStore:
             pipe.hset(job, mapping=cast(Any, record.to_hash()))
             pipe.set(body, zlib.compress(document, _COMPRESSION))
             pipe.zadd(self._index, {record.id: 0})
-            pipe.zadd(self._queued, {record.id: record.created_at})
+            pipe.zadd(self._queued[record.priority], {record.id: record.created_at})
+            if record.deadline_at is not None:
+                pipe.zadd(self._deadlines, {record.id: record.deadline_at})
             pipe.xadd(self._stream(record.id), _first_event(record))
             pipe.execute()
 
@@ -122,7 +143,7 @@ class JobStore:
         """Forget a job that could not be queued, without a trace: its id was never told to anybody."""
         with self.redis.pipeline(transaction=True) as pipe:
             pipe.delete(*self._keys(job_id), self._stream(job_id))
-            for register in (self._index, self._queued, self._running):
+            for register in (self._index, *self._queued.values(), self._running, self._deadlines):
                 pipe.zrem(register, job_id)
             pipe.execute()
 
@@ -203,12 +224,15 @@ class JobStore:
         """Return the numbers over all jobs."""
         with self.redis.pipeline(transaction=True) as pipe:
             pipe.hgetall(self._counts)
-            pipe.zcard(self._queued)
             pipe.zcard(self._running)
-            pipe.zrange(self._queued, 0, 0, withscores=True)
-            totals, queued, running, oldest = pipe.execute()
-        age = max(0.0, time.time() - oldest[0][1]) if oldest else 0.0
-        return Counts(queued, running, age, {name.decode(): float(number) for name, number in totals.items()})
+            for register in self._queued.values():
+                pipe.zcard(register)
+                pipe.zrange(register, 0, 0, withscores=True)
+            totals, running, *queued = pipe.execute()
+        now = time.time()
+        age = max((now - oldest[0][1] for oldest in queued[1::2] if oldest), default=0.0)
+        numbers = {name.decode(): float(number) for name, number in totals.items()}
+        return Counts(dict(zip(Priority, queued[::2], strict=True)), running, max(0.0, age), numbers)
 
     # The side of the worker.
 
@@ -217,12 +241,20 @@ class JobStore:
 
         ``owner`` is a word of `new_owner`; a start that was asked before with the same word is confirmed.
         ``redelivered`` is only counted.
-        There is nothing to do for a job that has ended, that is not remembered, that another solve owns, or
-        that has now lost its worker for the second time (it then ends as failed/worker_lost).
+        There is nothing to do for a job that has ended, that is not remembered, that another solve owns,
+        that has now lost its worker for the second time (it then ends as failed/worker_lost), or whose
+        deadline has passed (failed/time_limit).
         """
         owner = owner or new_owner()
-        answer = self._run(self._start, job_id, owner, MAX_LOSSES, _GIVEN_UP.to_json(), int(redelivered))
+        lost, late = _GIVEN_UP.to_json(), _LATE.to_json()
+        answer = self._run(self._start, job_id, owner, MAX_LOSSES, lost, int(redelivered), late)
         return owner if answer == b"started" else None
+
+    def seconds_left(self, job_id: str) -> float:
+        """Return how long a solve of a job may take that starts now: until its limit or its deadline."""
+        record = self.get(job_id)
+        until_deadline = math.inf if record.deadline_at is None else record.deadline_at - time.time()
+        return max(0.0, min(record.max_seconds, until_deadline))
 
     def report(self, job_id: str, owner: str, report: ProgressReport | None) -> Signal:
         """Write the progress of a running job (None: nothing new) and hear whether to go on."""
@@ -284,25 +316,33 @@ class JobStore:
             self.redis.set(f"{self._prefix}turn:{task}", "", nx=True, px=max(1, round(1000 * seconds)))
         )
 
-    def queued_before(self, moment: float, limit: int) -> list[str]:
-        """List jobs that were last published before ``moment`` and wait since, longest first."""
-        return self._listed(self._queued, moment, limit)
+    def queued_before(self, priority: Priority, moment: float, limit: int) -> list[str]:
+        """List jobs of a priority that were published before ``moment`` and wait since, longest first."""
+        return self._listed(self._queued[priority], moment, limit)
 
     def silent(self, seconds: float, limit: int) -> list[str]:
         """List running jobs whose lease has been over for ``seconds``."""
         now, _ = self.redis.time()
         return self._listed(self._running, now - seconds, limit)
 
-    def published(self, job_id: str) -> None:
+    def published(self, record: JobRecord) -> None:
         """Note that a waiting job was published again just now."""
         with self.redis.pipeline(transaction=True) as pipe:
-            pipe.zadd(self._queued, {job_id: time.time()}, xx=True)
+            pipe.zadd(self._queued[record.priority], {record.id: time.time()}, xx=True)
             pipe.hincrby(self._counts, "republished", 1)
             pipe.execute()
 
     def unlist(self, job_id: str) -> None:
-        """Take a job that does not wait off the list of those that do."""
-        self.redis.zrem(self._queued, job_id)
+        """Take a job that does not wait off the lists of those that do."""
+        with self.redis.pipeline(transaction=True) as pipe:
+            for register in self._queued.values():
+                pipe.zrem(register, job_id)
+            pipe.execute()
+
+    def give_up_overdue(self, limit: int) -> int:
+        """End waiting jobs whose deadline has passed; return how many."""
+        late = self._listed(self._deadlines, time.time(), limit)
+        return sum(bool(self._run(self._give_up, job_id, _LATE.to_json())) for job_id in late)
 
     def reclaim(self, job_id: str) -> bool:
         """Take a job from a solve that is lost; True if it waits again and is to be published."""
@@ -336,7 +376,14 @@ class JobStore:
         self, script: Callable[..., Any], job_id: str, *args: str | float | bytes, keys: Sequence[str] = ()
     ) -> bytes | int | None:
         common = (job_id, self.channel, repr(time.time()), self._retention, _MEMORY, self._lease)
-        ours = (*self._keys(job_id), self._queued, self._running, self._stream(job_id), self._counts)
+        ours = (
+            *self._keys(job_id),
+            self._running,
+            self._stream(job_id),
+            self._counts,
+            self._deadlines,
+            *self._queued.values(),
+        )
         return cast(bytes | int | None, script(keys=[*ours, *keys], args=[*common, *args]))
 
     def _records(self, ids: Sequence[bytes]) -> list[JobRecord]:

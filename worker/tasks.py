@@ -69,14 +69,15 @@ def solve_job(
 
 
 def _solve(job_id: str, store: JobStore, limits: Limits, progress: StoreProgress) -> outcome.Outcome:
-    def read() -> tuple[JobSpec, Trajectory | None]:
+    def read() -> tuple[JobSpec, Trajectory | None, float]:
         spec = check_document(parse_document(store.document(job_id)))
-        return spec, earlier_answer(store, spec.warm_start)
+        return spec, earlier_answer(store, spec.warm_start), store.seconds_left(job_id)
 
     try:
-        spec, earlier = patiently(read, limits.outage, job_id)
-        with process_limit(float(spec.options.max_seconds) + limits.grace):
-            return outcome.of_solution(solve(spec, progress, earlier), job_id, limits.result_bytes)
+        spec, earlier, seconds = patiently(read, limits.outage, job_id)
+        with process_limit(seconds + limits.grace):
+            solution = solve(spec, progress, earlier, seconds)
+            return outcome.of_solution(solution, job_id, limits.result_bytes)
     except RedisError:
         raise
     except Exception as error:  # noqa: BLE001  (logged and written as the job's error)

@@ -100,7 +100,7 @@ class Real(Check):
         if number is not None and self.above is not None and number <= self.above:
             flaws.add(f"must be greater than {self.above:g}, not {number:g}")
         if number is not None and self.limit is not None and number > self.limit:
-            flaws.add(f"limit: at most {self.limit:,g}{self.unit}, not {number:,g}", type="limit")
+            flaws.add(f"limit: at most {self.limit:,.10g}{self.unit}, not {number:,g}", type="limit")
         flaws.raise_any()
         return number
 

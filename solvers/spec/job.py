@@ -17,6 +17,7 @@ from solvers.spec.tables import list_of
 
 MAX_TAGS = 20
 MAX_TAG = 64
+_MONTH = 30 * 86_400
 
 Tolerance = Annotated[float, Real(above=0)] | None
 
@@ -36,14 +37,12 @@ class SchemaVersion(Check):
 
 
 class Priority(Check):
-    """Urgency of a job; ``normal`` in this version."""
+    """Urgency of a job."""
 
     def check(self, value: Any, scope: Scope) -> str:
         """Return the priority."""
-        if value == "normal":
-            return "normal"
-        if value in ("low", "high"):
-            raise refuse("unsupported: priorities but normal are not in this version", type="unsupported")
+        if value in ("low", "normal", "high"):
+            return str(value)
         raise refuse("must be 'low', 'normal' or 'high'")
 
     def schema(self) -> dict[str, Any]:
@@ -134,16 +133,16 @@ class JobSpec(SpecModel):
     """Tolerances and limits."""
     output: Output = Output()
     """What the result holds."""
-    priority: Annotated[Literal["normal"], Priority()] = "normal"
-    """Urgency; normal in this version."""
+    priority: Annotated[Literal["low", "normal", "high"], Priority()] = "normal"
+    """Urgency: which of the jobs that wait is started first."""
     reference: Annotated[dict[str, Any], FreeObject()] | None = None
     """The known answer of a case; ignored."""
     warm_start: Annotated[str, Text(64)] | None = None
     """Id of an earlier job to start from, of any method, mesh and parameters."""
     reuse: Annotated[None, Unsupported("reuse of earlier results is")] = None
     """Whether an earlier result will do; not in this version."""
-    deadline_seconds: Annotated[None, Unsupported("deadlines are")] = None
-    """Seconds from submission; not in this version."""
+    deadline_seconds: Annotated[float, Real(above=0, limit=_MONTH, unit=" s")] | None = None
+    """Seconds from submission, after which nobody waits for the answer: the job ends as time_limit."""
     webhook: Annotated[None, Unsupported("webhooks are")] = None
     """Whom to tell; not in this version."""
 

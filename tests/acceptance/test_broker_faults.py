@@ -16,11 +16,13 @@ from app.client import Client
 from tests.acceptance.conftest import SHORT, Deployment, Running, wait_until
 from tests.problems import problem
 from tests.servers import DurableServer
-from worker.queue import QUEUE
+from worker.priorities import queue_of
+from worker.records import Priority
 from worker.settings import QueueSettings
 
 Document = dict[str, Any]
 PREFIX = "faults:"
+QUEUE = queue_of(Priority.NORMAL)
 
 
 @pytest.fixture(scope="module")
@@ -100,7 +102,7 @@ def test_a_job_that_no_worker_speaks_for_is_solved_again(
                 f"{PREFIX}job:{job_id}", mapping={"status": "running", "owner": "nobody", "attempts": 1}
             )
             pipe.hset(f"{PREFIX}job:{job_id}", "started_at", repr(time.time()))
-            pipe.zrem(f"{PREFIX}queued", job_id)
+            pipe.zrem(f"{PREFIX}queued:normal", job_id)
             pipe.zadd(f"{PREFIX}running", {job_id: time.time() + 1})
             pipe.execute()
     assert end(api, job_id) == ("succeeded", 2)

@@ -37,7 +37,7 @@ def scrape(client: httpx.Client) -> Samples:
 def test_a_service_that_has_done_nothing(client: httpx.Client) -> None:
     samples = scrape(client)
     assert set(samples.values()) == {0.0}
-    assert ("ondelette_jobs_queued", ()) in samples
+    assert ("ondelette_jobs_queued", ("normal",)) in samples
     assert ("ondelette_attempts_total", ()) in samples
 
 
@@ -46,10 +46,10 @@ def test_what_waits_runs_and_lives(job: MakeJob, queue: JobQueue, store: JobStor
     store.add(record, b"{}")
     job()
     job(JobStatus.RUNNING)
-    queue.enqueue("a job", 60.0)
+    queue.enqueue(record)
     queue.beat("one@host", 3, 60)
     samples = read(exposition(store, queue).decode())
-    assert samples["ondelette_jobs_queued", ()] == 2
+    assert samples["ondelette_jobs_queued", ("normal",)] == 2
     assert samples["ondelette_jobs_running", ()] == 1
     assert samples["ondelette_queue_messages", ()] == 1
     assert samples["ondelette_oldest_queued_seconds", ()] == pytest.approx(100, abs=5)

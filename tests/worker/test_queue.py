@@ -7,6 +7,7 @@ from redis import Redis
 
 from worker.errors import QueueUnavailable
 from worker.queue import JobQueue, make_celery
+from worker.records import JobRecord, JobStatus, Priority, new_job_id
 from worker.settings import QueueSettings
 from worker.store import connect
 
@@ -16,11 +17,16 @@ def queue(redis: Redis, queue_settings: QueueSettings) -> JobQueue:
     return JobQueue(make_celery(queue_settings), redis, queue_settings)
 
 
+def record(priority: Priority = Priority.NORMAL) -> JobRecord:
+    return JobRecord(new_job_id(), JobStatus.QUEUED, "swcm", 60.0, time.time(), priority=priority)
+
+
 def test_a_job_waits_in_the_queue_under_the_prefix(queue: JobQueue, redis: Redis) -> None:
     assert queue.depth() == 0
-    queue.enqueue("a job", 60.0)
-    queue.enqueue("another", 60.0)
+    for priority in (Priority.LOW, Priority.HIGH):
+        queue.enqueue(record(priority))
     assert queue.depth() == 2
+    assert [queue.head(priority) is not None for priority in Priority] == [True, False, True]
 
 
 def test_a_broker_that_is_away_is_said_at_once(tmp_path: Path) -> None:
@@ -28,7 +34,7 @@ def test_a_broker_that_is_away_is_said_at_once(tmp_path: Path) -> None:
     queue = JobQueue(make_celery(settings), connect(settings), settings)
     began = time.monotonic()
     with pytest.raises(QueueUnavailable):
-        queue.enqueue("a job", 60.0)
+        queue.enqueue(record())
     assert time.monotonic() - began < 5
 
 

@@ -2,15 +2,16 @@
 
 import json
 import time
-from typing import cast
+from typing import Any, cast
 
 import pytest
 from redis import Redis
 
 from worker.outcome import TIMED_OUT
-from worker.queue import QUEUE, JobQueue, make_celery
+from worker.priorities import queue_of
+from worker.queue import JobQueue, make_celery
 from worker.reconciler import Reconciler
-from worker.records import FailureType, JobRecord, JobStatus, new_job_id
+from worker.records import FailureType, JobRecord, JobStatus, Priority, new_job_id
 from worker.settings import QueueSettings
 from worker.store import JobStore
 
@@ -25,8 +26,11 @@ def reconciler(store: JobStore, queue: JobQueue) -> Reconciler:
     return Reconciler(store, queue, silence=0.2, settle=5.0)
 
 
-def add(store: JobStore, age: float = 60.0) -> str:
-    record = JobRecord(new_job_id(), JobStatus.QUEUED, "swcm", 60.0, time.time() - age)
+QUEUE = queue_of(Priority.NORMAL)
+
+
+def add(store: JobStore, age: float = 60.0, **fields: Any) -> str:
+    record = JobRecord(new_job_id(), JobStatus.QUEUED, "swcm", 60.0, time.time() - age, **fields)
     store.add(record, b"{}")
     return record.id
 
@@ -64,7 +68,7 @@ def test_a_queue_that_is_lost_is_filled_again(
     reconciler = Reconciler(store, queue, silence=0.2, settle=1.0)
     jobs = [add(store, age=0.0) for _ in range(5)]
     for job_id in jobs:
-        queue.enqueue(job_id, 60.0)
+        queue.enqueue(store.get(job_id))
     time.sleep(1.2)
     assert reconciler.republish() == 0
     redis.delete(f"{queue_settings.prefix}{QUEUE}")
@@ -77,10 +81,10 @@ def test_a_job_that_waits_for_its_turn_or_in_a_worker_is_left_alone(
 ) -> None:
     jobs = [add(store, age) for age in (60.0, 50.0, 40.0)]
     for job_id in jobs:
-        queue.enqueue(job_id, 60.0)
-        redis.zadd(f"{queue_settings.prefix}queued", {job_id: time.time()})
+        queue.enqueue(store.get(job_id))
+        redis.zadd(f"{queue_settings.prefix}queued:normal", {job_id: time.time()})
     fetch(redis, queue_settings)
-    redis.zadd(f"{queue_settings.prefix}queued", {jobs[0]: 1.0})
+    redis.zadd(f"{queue_settings.prefix}queued:normal", {jobs[0]: 1.0})
     assert queue.in_flight() == {jobs[0]}
     assert reconciler.republish() == 0
 
@@ -89,7 +93,7 @@ def test_a_hole_in_the_queue_is_found_when_its_turn_has_passed(
     store: JobStore, queue: JobQueue, reconciler: Reconciler, redis: Redis, queue_settings: QueueSettings
 ) -> None:
     lost, behind = add(store, age=60.0), add(store, age=0.0)
-    queue.enqueue(behind, 60.0)
+    queue.enqueue(store.get(behind))
     assert reconciler.republish() == 1
     assert waiting(redis, queue_settings) == [behind, lost]
 
@@ -97,13 +101,13 @@ def test_a_hole_in_the_queue_is_found_when_its_turn_has_passed(
 def test_what_does_not_wait_any_more_is_not_published(
     store: JobStore, reconciler: Reconciler, redis: Redis, queue_settings: QueueSettings
 ) -> None:
-    redis.zadd(f"{queue_settings.prefix}queued", {new_job_id(): 1.0})
+    redis.zadd(f"{queue_settings.prefix}queued:normal", {new_job_id(): 1.0})
     cancelled = add(store)
     store.cancel(cancelled)
     started = add(store)
     assert store.start(started) is not None
     assert reconciler.republish() == 0
-    assert redis.zcard(f"{queue_settings.prefix}queued") == 0
+    assert redis.zcard(f"{queue_settings.prefix}queued:normal") == 0
     assert waiting(redis, queue_settings) == []
 
 
@@ -160,3 +164,37 @@ def test_processes_take_turns(store: JobStore, reconciler: Reconciler, queue: Jo
     for each in (other, reconciler):
         each.take_turn(60)
     assert queue.depth() == 1
+
+
+def test_a_hole_is_found_behind_jobs_of_another_priority_that_wait_for_long(
+    store: JobStore, queue: JobQueue, reconciler: Reconciler
+) -> None:
+    patient = add(store, age=60.0, priority=Priority.LOW)
+    queue.enqueue(store.get(patient))
+    store.published(store.get(patient))
+    lost = add(store, age=30.0, priority=Priority.HIGH)
+    assert reconciler.republish() == 1
+    assert queue.head(Priority.HIGH) is not None
+    assert store.queued_before(Priority.HIGH, time.time() - 1, 10) == []
+    assert store.get(lost).status is JobStatus.QUEUED
+
+
+def test_a_waiting_job_whose_deadline_has_passed_ends(store: JobStore, reconciler: Reconciler) -> None:
+    now = time.time()
+    late, early, running = (
+        add(store, 1.0, deadline_at=now - 0.1),
+        add(store, 1.0, deadline_at=now + 60),
+        add(store, 1.0, deadline_at=now + 0.2),
+    )
+    assert store.start(running) is not None
+    time.sleep(0.3)
+    reconciler.give_up_overdue()
+    assert [store.get(job_id).status.value for job_id in (late, early, running)] == [
+        "failed",
+        "queued",
+        "running",
+    ]
+    error = store.get(late).error
+    assert error is not None
+    assert error.type is FailureType.TIME_LIMIT
+    assert store.get(late).attempts == 0

@@ -70,6 +70,10 @@ STRUCTURE: list[Row] = [
     ({"/schema": "1"}, "/schema", "must be 1"),
     ({"/schema": True}, "/schema", "must be 1"),
     ({"/priority": "urgent"}, "/priority", "'normal'"),
+    ({"/priority": None}, "/priority", "'high'"),
+    ({"/priority": ["high"]}, "/priority", "'high'"),
+    ({"/deadline_seconds": 0}, "/deadline_seconds", "greater than 0"),
+    ({"/deadline_seconds": "soon"}, "/deadline_seconds", "soon"),
     ({f"{MODEL}/kind": "quantum"}, f"{MODEL}/kind", "mechanical, first_order, library"),
     ({f"{MODEL}/kind": "mechanic"}, f"{MODEL}/kind", "did you mean 'mechanical'"),
     ({f"{MODEL}/kind": REMOVED}, f"{MODEL}/kind", "required"),
@@ -272,6 +276,7 @@ LIMITS: list[Row] = [
     ({"/method": {"name": "hermite_simpson", "intervals": 32_770}}, "/method/intervals", "65,539 nodes"),
     ({"/output/samples": 20_002}, "/output/samples", "20,001 samples"),
     ({"/options/max_seconds": 3601}, "/options/max_seconds", "3,600 s"),
+    ({"/deadline_seconds": 1e9}, "/deadline_seconds", "2,592,000 s"),
     ({"/options/starts": 65}, "/options/starts", "64 starts"),
     ({"/problem/guess/controls": {"T": [0.0] * 8196}}, "/problem/guess/controls/T", "8,195 values"),
     ({"/problem/guess/times": list(range(8196))}, "/problem/guess/times", "8,195 values"),
@@ -359,9 +364,7 @@ UNSUPPORTED: list[tuple[dict[str, Any], str]] = [
     ({"/output/command": {"period": 0.1}}, "/output/command"),
     ({"/output/coast": 10}, "/output/coast"),
     ({"/reuse": True}, "/reuse"),
-    ({"/deadline_seconds": 5}, "/deadline_seconds"),
     ({"/webhook": {"url": "https://example.org/"}}, "/webhook"),
-    ({"/priority": "high"}, "/priority"),
 ]
 
 
@@ -383,6 +386,7 @@ def test_what_asks_for_nothing_is_no_fault() -> None:
         "/method/refine": None,
         "/reuse": False,
         "/priority": "normal",
+        "/deadline_seconds": None,
         "/problem/path_constraints": [{"expression": "T", "bounds": [-5, 5], "during": [0, 1]}],
     }
     assert faults_of(edited(changes)) == ()
