@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from solvers.backends import Backend
 from solvers.expressions import Expression, parse
+from solvers.models import Formula
 from solvers.spec import FirstOrderModel, MechanicalModel
 
 Matrix = tuple[tuple[Expression, ...], ...]
@@ -152,7 +153,7 @@ class NodeScope(dict[str, Any]):
         self,
         given: Mapping[str, Any],
         dynamics: Dynamics,
-        definitions: Mapping[str, Expression],
+        definitions: Mapping[str, Formula],
         backend: Backend,
     ) -> None:
         super().__init__(given)

@@ -22,10 +22,12 @@ from solvers.dynamics import Dynamics, NodeScope
 from solvers.energy import vibration_energy
 from solvers.expressions import Expression, parse
 from solvers.guess import Guess, make_guess
+from solvers.models import Formula
 from solvers.spec import (
     VIBRATION_ENERGY,
     ProblemSpec,
     bound_interval,
+    definitions_of,
     final_intervals,
     initial_intervals,
 )
@@ -66,7 +68,7 @@ class OptimalControlProblem:
     controls: tuple[str, ...]
     parameters: dict[str, float]
     dynamics: Dynamics
-    definitions: Mapping[str, Expression]
+    definitions: Mapping[str, Formula]
     initial_time: Interval
     final_time: Interval
     initial_state: tuple[Interval, ...]
@@ -98,7 +100,7 @@ class OptimalControlProblem:
             controls=model.controls,
             parameters=parameters,
             dynamics=Dynamics.from_model(model),
-            definitions={name: parse(value) for name, value in model.definitions.items()},
+            definitions=definitions_of(spec.submitted_model, model),
             initial_time=initial_time,
             final_time=final_time,
             initial_state=initial_state,

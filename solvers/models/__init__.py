@@ -2,11 +2,22 @@
 
 from collections.abc import Mapping
 
-from solvers.models import flexible_spacecraft, rigid_body, solar_array
-from solvers.models.library_model import LibraryModel, Parameter, Quantity
+from solvers.models import edt, edt_plant, flexible_spacecraft, pse, rigid_body, solar_array
+from solvers.models.computed import Computed, Formula
+from solvers.models.library_model import LibraryModel, Parameter, Quantity, View
 
 LIBRARY: Mapping[str, LibraryModel] = {
-    model.name: model for model in (rigid_body.MODEL, flexible_spacecraft.MODEL, solar_array.MODEL)
+    model.name: model
+    for model in (
+        rigid_body.MODEL,
+        flexible_spacecraft.MODEL,
+        solar_array.MODEL,
+        edt.MODEL,
+        edt_plant.MODEL,
+        pse.HILL,
+        pse.EXACT,
+        pse.SMALL_ANGLE,
+    )
 }
 
-__all__ = ["LIBRARY", "LibraryModel", "Parameter", "Quantity"]
+__all__ = ["LIBRARY", "Computed", "Formula", "LibraryModel", "Parameter", "Quantity", "View"]

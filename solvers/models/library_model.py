@@ -2,14 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
 from typing import Any
+
+from solvers.models.computed import Computed
+
+Functions = Mapping[str, Callable[..., Any]]
+Map = Callable[[Mapping[str, Any], Functions], dict[str, Any]]
+"""From values by name, and the functions over them, to other values by name."""
 
 
 @dataclass(frozen=True, slots=True)
 class Quantity:
-    """A state or a control: its unit and its meaning."""
+    """A state, a control or a computed quantity: its unit and its meaning."""
 
     unit: str
     description: str
@@ -19,19 +25,35 @@ class Quantity:
 class Parameter:
     """A parameter: its value unless a document overrides it, its unit and its meaning.
 
-    A value may be an expression in the parameters before it.
+    A value may be an expression in the parameters before it. ``interval``: where the model makes sense.
     """
 
     value: float | str
     unit: str
     description: str
+    interval: tuple[float, float] | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class View:
+    """How a plant is seen as a simpler model and started from it.
+
+    ``observe`` gives that model's states from the plant's states and parameters, ``start`` the reverse;
+    ``periods``: what is added to an observed state when it comes round once.
+    """
+
+    observe: Map
+    start: Map
+    periods: Mapping[str, float]
 
 
 @dataclass(frozen=True, slots=True)
 class LibraryModel:
     """A named model: its equations as the ``model`` object of a document, and what its names mean.
 
-    ``equations`` holds every key of the model object except ``parameters``.
+    ``equations`` holds every key of the model object except ``parameters``. What no expression can say is
+    ``computed``: names that the equations and a document's expressions may use, given by the ``formulas`` for
+    the numbers of the parameters. ``views``: simpler model -> how this one is seen as it.
     """
 
     name: str
@@ -41,6 +63,11 @@ class LibraryModel:
     controls: Mapping[str, Quantity]
     parameters: Mapping[str, Parameter]
     equations: Mapping[str, Any]
+    computed: Mapping[str, Quantity] = field(default_factory=dict)
+    formulas: Callable[[Mapping[str, float]], Sequence[Computed]] = lambda _: ()
+    views: Mapping[str, View] = field(default_factory=dict)
+    plant_only: bool = False
+    """Whether it can be flown, but not be optimised: some of its formulas take numbers only."""
 
     def document(self, overrides: Mapping[str, Any]) -> dict[str, Any]:
         """Return the model object with parameters; overrides of parameters it does not have are left out."""

@@ -17,7 +17,13 @@ from solvers.spec.methods import (
     SplineAdaptivity,
     SplineWaveletMethod,
 )
-from solvers.spec.models import FirstOrderModel, LibraryReference, MechanicalModel
+from solvers.spec.models import (
+    FirstOrderModel,
+    LibraryReference,
+    MechanicalModel,
+    SubmittedModel,
+    definitions_of,
+)
 from solvers.spec.problem import (
     BoundaryConstraint,
     Guess,
@@ -56,11 +62,13 @@ __all__ = [
     "Resolution",
     "SplineAdaptivity",
     "SplineWaveletMethod",
+    "SubmittedModel",
     "Value",
     "Verification",
     "bound_interval",
     "canonical_json",
     "check_document",
+    "definitions_of",
     "evaluate_constant",
     "final_intervals",
     "initial_intervals",

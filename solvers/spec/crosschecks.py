@@ -15,6 +15,7 @@ from pydantic_core import PydanticCustomError
 
 from solvers.errors import ExpressionError
 from solvers.expressions import RESERVED, parse, quoted
+from solvers.models import LIBRARY
 from solvers.spec.checks import check_bound, check_constant
 from solvers.spec.faults import Flaws, Path
 from solvers.spec.matrices import MatrixOf, matrix_rows
@@ -30,6 +31,7 @@ def cross_check(scope: Scope) -> Flaws:
     """Return every mistake between the parts of the document, with paths from its root."""
     flaws = Flaws()
     _check_names(scope, flaws)
+    _check_library(scope, flaws)
     _check_times(scope, flaws)
     _check_ends(scope, flaws)
     _check_guess(scope, flaws)
@@ -48,6 +50,15 @@ def _check_names(scope: Scope, flaws: Flaws) -> None:
         if detail:
             flaws.add(detail, *place)
         seen.setdefault(name, what)
+
+
+def _check_library(scope: Scope, flaws: Flaws) -> None:
+    name = mapping(scope.problem.get("model")).get("name")
+    entry = LIBRARY.get(name) if isinstance(name, str) else None
+    if entry is not None and entry.plant_only:
+        seen_as = ", ".join(f"'{simple}'" for simple in entry.views)
+        detail = f"{quoted(entry.name)} can be flown, not optimised: take it as method.plant of a problem with {seen_as}"
+        flaws.add(detail, "problem", "model", "name")
 
 
 def _declared(scope: Scope) -> Iterator[tuple[str, str, Path]]:

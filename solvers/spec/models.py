@@ -7,7 +7,8 @@ from typing import Annotated, Literal
 
 from pydantic import Field, TypeAdapter
 
-from solvers.models import LIBRARY
+from solvers.expressions import parse
+from solvers.models import LIBRARY, Formula
 from solvers.spec.base import SpecModel
 from solvers.spec.faults import Path
 from solvers.spec.matrices import ForceVector, Matrix, MatrixOf, Row, matrix_rows, places
@@ -108,10 +109,9 @@ class LibraryReference(SpecModel):
 
     def expand(self) -> MechanicalModel | FirstOrderModel:
         """Return the model with its equations written out and every parameter given."""
-        document = LIBRARY[self.name].document(self.parameters)
-        scope = Scope({}, {}, document)
+        scope = Scope({}, {}, {"kind": "library", "name": self.name, "parameters": self.parameters})
         read_model(scope)
-        return _EQUATIONS.validate_python(document, context=scope)
+        return _EQUATIONS.validate_python(scope.model, context=scope)
 
 
 SubmittedModel = MechanicalModel | FirstOrderModel | LibraryReference
@@ -119,6 +119,15 @@ SubmittedModel = MechanicalModel | FirstOrderModel | LibraryReference
 _EQUATIONS: TypeAdapter[MechanicalModel | FirstOrderModel] = TypeAdapter(
     Annotated[MechanicalModel | FirstOrderModel, Field(discriminator="kind")]
 )
+
+
+def definitions_of(submitted: SubmittedModel, model: MechanicalModel | FirstOrderModel) -> dict[str, Formula]:
+    """Return what a model defines by name: what the library computes for it, then its own definitions."""
+    known: dict[str, Formula] = {}
+    if isinstance(submitted, LibraryReference):
+        for computed in LIBRARY[submitted.name].formulas(model.parameter_values()):
+            known |= computed.definitions
+    return known | {name: parse(value) for name, value in model.definitions.items()}
 
 
 def parameter_values(parameters: Mapping[str, Value]) -> dict[str, float]:

@@ -45,7 +45,9 @@ class Scope:
     controls: tuple[str, ...] = ()
     parameters: dict[str, float] = field(default_factory=dict)
     parameter_names: frozenset[str] = frozenset()
+    parameter_intervals: dict[str, tuple[float, float]] = field(default_factory=dict)
     parameter_flaws: Flaws = field(default_factory=Flaws)
+    computed_names: frozenset[str] = frozenset()
     definition_sizes: dict[str, int] = field(default_factory=dict)
     output_names: frozenset[str] = frozenset()
     model_names: frozenset[str] = frozenset()
@@ -99,6 +101,9 @@ def read_model(scope: Scope) -> None:
             return
         overrides = mapping(scope.model.get("parameters"))
         scope.model = entry.document(overrides)
+        scope.computed_names = frozenset(entry.computed)
+        intervals = {name: parameter.interval for name, parameter in entry.parameters.items()}
+        scope.parameter_intervals = {name: bounds for name, bounds in intervals.items() if bounds is not None}
     model = scope.model
     table = mapping(model.get("parameters"))
     scope.parameter_names = frozenset(table)
@@ -121,7 +126,7 @@ def read_model(scope: Scope) -> None:
 def _read_names(scope: Scope) -> None:
     # What is refused as unsupported at its own key still counts as a name, lest it be reported twice.
     asked = set(mapping(scope.problem.get("design")))
-    definitions = _read_definitions(scope)
+    definitions = _read_definitions(scope) | scope.computed_names
     accelerations = frozenset(f"{q}_ddot" for q in scope.coordinates)
     ends = {f"{name}{end}" for name in scope.states + scope.controls for end in ("_0", "_f")}
     ends |= set(_named(scope.problem.get("integrals")))

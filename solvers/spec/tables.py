@@ -124,9 +124,18 @@ class OverrideTable(ParameterTable):
         for key in table if scope.known else ():
             if key not in scope.parameter_names:
                 flaws.add(unknown_key(key, "parameter", scope.parameter_names, scope), key)
+        _check_intervals(table, scope, flaws)
         flaws.found += scope.parameter_flaws.found
         flaws.raise_any()
         return table
+
+
+def _check_intervals(table: dict[str, Any], scope: Scope, flaws: Flaws) -> None:
+    """Parameters that are given to a model of the library lie where it makes sense."""
+    for name, (lower, upper) in scope.parameter_intervals.items():
+        value = scope.parameters.get(name)
+        if name in table and value is not None and not lower <= value <= upper:
+            flaws.add(f"must lie within [{lower:g}, {upper:g}], not {value:g}", name)
 
 
 class LibraryName(Check):
