@@ -61,9 +61,16 @@ def _model(entry: LibraryModel) -> dict[str, Any]:
         "source": entry.source,
         "states": described(entry.states),
         "controls": described(entry.controls),
+        "computed": described(entry.computed),
         "parameters": {
-            name: {"value": p.value, "unit": p.unit, "description": p.description}
+            name: {
+                "value": p.value,
+                "unit": p.unit,
+                "description": p.description,
+                "interval": None if p.interval is None else list(p.interval),
+            }
             for name, p in entry.parameters.items()
         },
         "model": entry.document({}),
+        "plant_only": entry.plant_only,
     }

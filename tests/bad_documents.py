@@ -255,6 +255,17 @@ def _keys() -> Iterator[BadDocument]:
         "key: unknown kind of model", _json(changed(f"{_MODEL}/kind", "quantum")), f"{_MODEL}/kind"
     )
     yield BadDocument(
+        "key: a plant is not optimised",
+        _json(changed(_MODEL, {"kind": "library", "name": "edt_plant"})),
+        f"{_MODEL}/name",
+    )
+    for parameter, value in {"degree": 14, "epoch": 1e6, "m1": -1}.items():
+        yield BadDocument(
+            f"key: {parameter} of a library model outside its interval",
+            _json(changed(_MODEL, {"kind": "library", "name": "edt", "parameters": {parameter: value}})),
+            f"{_MODEL}/parameters/{parameter}",
+        )
+    yield BadDocument(
         "key: unknown library model",
         _json(changed(_MODEL, {"kind": "library", "name": "warp_drive"})),
         f"{_MODEL}/name",

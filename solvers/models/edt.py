@@ -4,7 +4,8 @@ The tether's unit vector from the sub-satellite to the main satellite is, along 
 e = (sin a cos b, -sin b, cos a cos b) with pitch a and roll b. With I > 0 along e the force I L e x B brakes.
 With n = nu' and B along the orbital axes:
 
-    a'' = -n' + 2 (a' + n) b' tan b - 3 mu/r^3 sin a cos a - offset I/reduced [By + tan b (Bx sin a + Bz cos a)]
+    a'' = -n' + 2 (a' + n) b' tan b - 3 mu/r^3 sin a cos a
+          - offset I/reduced [By + tan b (Bx sin a + Bz cos a)]
     b'' = -(a' + n)^2 sin b cos b - 3 mu/r^3 cos^2 a sin b cos b + offset I/reduced [Bz sin a - Bx cos a]
 
 Only the true longitude moves along the orbit; gravity there is stronger by the oblateness of the Earth, so
@@ -63,7 +64,11 @@ def _formulas(parameters: Mapping[str, float]) -> list[Computed]:
 
     def along_the_axes(values: Mapping[str, Any], functions: Functions) -> tuple[Any, ...]:
         axes = axes_of(values["h"], values["k"], values["lon"], functions)
-        eta = 1.0 + values["f"] * functions["cos"](values["lon"]) + values["g"] * functions["sin"](values["lon"])
+        eta = (
+            1.0
+            + values["f"] * functions["cos"](values["lon"])
+            + values["g"] * functions["sin"](values["lon"])
+        )
         place = scaled(values["p"] / eta, axes.radial)
         return axes.components(field(place, values["t"], functions))
 

@@ -1,8 +1,8 @@
 """An electrodynamic tether with all that moves it: the plant on which predictions of ``edt`` are tracked.
 
 Centre of mass in inertial axes: central gravity with J2 to J4, the force I L e x B, drag of both satellites
-and the tether in an atmosphere that turns with the Earth, Sun and Moon, radiation pressure outside the Earth's
-shadow (a cylinder). The tether's unit vector e needs no angles and is regular on every orbit:
+and the tether in an atmosphere that turns with the Earth, Sun and Moon, radiation pressure outside the
+Earth's shadow (a cylinder). The tether's unit vector e needs no angles and is regular on every orbit:
 
     e'' = -|e'|^2 e + 3 mu/r^3 (r^.e) [r^ - (r^.e) e] + offset I/reduced e x B + drag/(reduced L)
 
@@ -58,7 +58,11 @@ def _formulas(parameters: Mapping[str, float]) -> list[Computed]:
     motion = frozenset({*_STATES, "I", "t", "rho", "sunlight"})
     return [
         Computed(
-            ("rho", "sunlight"), frozenset({*_PLACE, "t"}), _weather(parameters), f"weather {numbers}", held=True
+            ("rho", "sunlight"),
+            frozenset({*_PLACE, "t"}),
+            _weather(parameters),
+            f"weather {numbers}",
+            held=True,
         ),
         Computed((*_FORCED, *_TURNED), motion, _motion(parameters), f"motion {numbers}"),
     ]
@@ -196,7 +200,7 @@ def _start(values: Values, functions: Functions) -> dict[str, Any]:
         axes.inertial(e),
         axes.inertial(w),
     )
-    return {name: value for name, value in zip(_STATES, sum(vectors, start=()), strict=True)}
+    return dict(zip(_STATES, sum(vectors, start=()), strict=True))
 
 
 def _vector(names: tuple[str, ...], unit: str, meaning: str) -> dict[str, Quantity]:
@@ -230,9 +234,7 @@ MODEL = LibraryModel(
         "kind": "first_order",
         "states": list(_STATES),
         "controls": ["I"],
-        "dynamics": dict(
-            zip(_STATES, (*_SPEED, *_FORCED, *_TETHER_RATE, *_TURNED), strict=True)
-        ),
+        "dynamics": dict(zip(_STATES, (*_SPEED, *_FORCED, *_TETHER_RATE, *_TURNED), strict=True)),
     },
     computed={
         **_vector(_FORCED, "m/s^2", "acceleration of the centre of mass"),

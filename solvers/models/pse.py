@@ -66,8 +66,10 @@ _EXACT = {
 }
 
 
-def _model(name: str, title: str, definitions: dict[str, str], gravity: tuple[str, ...], angles: bool) -> LibraryModel:
-    """A form of the model: ``gravity`` is s1, s2 (times the length) and c1, c2; ``angles``: sin and cos of d."""
+def _model(
+    name: str, title: str, definitions: dict[str, str], gravity: tuple[str, ...], angles: bool
+) -> LibraryModel:
+    """A form of the model: ``gravity`` is L1 s1, L2 s2, c1 and c2; ``angles``: sin and cos of d."""
     sine, cosine = ("sin(th2 - th1)", "cos(th2 - th1)") if angles else ("(th2 - th1)", "1")
     s1, s2, c1, c2 = gravity
     dynamics = {
@@ -83,7 +85,7 @@ def _model(name: str, title: str, definitions: dict[str, str], gravity: tuple[st
     return LibraryModel(
         name=name,
         title=title,
-        source='Zhu, Shi, "Piecewise Parallel Optimal Algorithm", IntechOpen 2018, doi 10.5772/intechopen.76625',
+        source="Zhu, Shi, Piecewise Parallel Optimal Algorithm, 2018, doi 10.5772/intechopen.76625",
         states=_STATES,
         controls={
             "T1": Quantity("N", "tension of tether 1"),
@@ -99,17 +101,11 @@ def _model(name: str, title: str, definitions: dict[str, str], gravity: tuple[st
                 "L2_dot": "Lc_dot - L1_dot",
                 **definitions,
                 "stretch1": f"L1*((th1_dot + om)^2 - om^2) + {c1} + (T2*{cosine} - T1)/m1",
-                "stretch2": (
-                    f"L2*((th2_dot + om)^2 - om^2) + {c2} + T1*{cosine}/m1 - T2*(1/m1 + 1/m2)"
-                ),
+                "stretch2": (f"L2*((th2_dot + om)^2 - om^2) + {c2} + T1*{cosine}/m1 - T2*(1/m1 + 1/m2)"),
             },
             "dynamics": dynamics,
         },
     )
-
-
-def _linear(form: str, lengths: tuple[str, str] = ("L1", "L2"), angles: tuple[str, str] = ("th1", "th2")) -> list[str]:
-    return [form.format(length=length, angle=angle) for length, angle in zip(lengths, angles, strict=True)]
 
 
 HILL = _model(
@@ -117,8 +113,10 @@ HILL = _model(
     "Partial space elevator, gravity linear in the distance (Hill)",
     {},
     (
-        *_linear("-1.5*om^2*{length}*sin(2*{angle})"),
-        *_linear("3*om^2*{length}*cos({angle})^2"),
+        "-1.5*om^2*L1*sin(2*th1)",
+        "-1.5*om^2*L2*sin(2*th2)",
+        "3*om^2*L1*cos(th1)^2",
+        "3*om^2*L2*cos(th2)^2",
     ),
     angles=True,
 )
@@ -138,6 +136,6 @@ SMALL_ANGLE = _model(
     "pse_small_angle",
     "Partial space elevator, small angles",
     {},
-    (*_linear("-3*om^2*{length}*{angle}"), *_linear("3*om^2*{length}")),
+    ("-3*om^2*L1*th1", "-3*om^2*L2*th2", "3*om^2*L1", "3*om^2*L2"),
     angles=False,
 )

@@ -20,7 +20,9 @@ TETHER = {
     "m2": Parameter(1.75, "kg", "mass of the sub-satellite, below", _POSITIVE),
     "mt": Parameter(0.25, "kg", "mass of the tether", _POSITIVE),
     "L": Parameter(500.0, "m", "length of the tether", _POSITIVE),
-    "zeta": Parameter(0.5, "1", "first moment of the current along the tether over I L^2; 1/2 if it is constant"),
+    "zeta": Parameter(
+        0.5, "1", "first moment of the current along the tether over I L^2; 1/2 if it is constant"
+    ),
     "mass": Parameter("m1 + m2 + mt", "kg", "mass of the whole; follows from its parts"),
     "reduced": Parameter(
         "(m1*m2 + (m1 + m2)*mt/3 + mt^2/12)/mass", "kg", "moment of inertia over L^2; follows from the masses"
@@ -32,7 +34,9 @@ TETHER = {
 """Parameters of the tether."""
 
 SURROUNDINGS = {
-    "igrf": Parameter(1.0, "1", "magnetic field: 1 for IGRF, 0 for a dipole along the axis of the Earth", _SHARE),
+    "igrf": Parameter(
+        1.0, "1", "magnetic field: 1 for IGRF, 0 for a dipole along the axis of the Earth", _SHARE
+    ),
     "degree": Parameter(7.0, "1", "degree of IGRF", (1.0, 13.0)),
     "B0": Parameter(29_619.0e-9, "T", "dipole: field on the equator at the distance R0"),
     "R0": Parameter(6_371_200.0, "m", "dipole: the distance of B0", _POSITIVE),

@@ -31,4 +31,3 @@ def density(place: tuple[float, float, float], days: float, f107: float, ap: flo
         when, degrees(atan2(y, x)), degrees(latitude), height / 1000.0, [f107], [f107], [[ap] * 7]
     )
     return float(output[..., pymsis.Variable.MASS_DENSITY].item())
-

@@ -2,8 +2,8 @@
 
     U = a sum_n sum_m (a/r)^(n+1) (g_nm cos m l + h_nm sin m l) P_nm(sin phi),      B = -grad U
 
-Source: Alken et al., "International Geomagnetic Reference Field: the thirteenth generation", Earth, Planets and
-Space 73, 2021; coefficients: IGRF-14, IAGA, doi 10.5281/zenodo.14012302 (``data/IGRF14.shc``, CC BY 4.0).
+Source: Alken et al., "International Geomagnetic Reference Field: the thirteenth generation", Earth, Planets
+and Space 73, 2021; coefficients: IGRF-14, IAGA, doi 10.5281/zenodo.14012302 (``data/IGRF14.shc``, CC BY 4.0).
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ _TESLA = 1e-9
 
 @dataclass(frozen=True)
 class MagneticField:
-    """Gauss coefficients of one date, ``g`` and ``h`` (degree + 1, degree + 1) in nT, Schmidt semi-normalised."""
+    """Gauss coefficients of a date, ``g`` and ``h`` (degree + 1, degree + 1), nT, Schmidt semi-normalised."""
 
     g: Vector
     h: Vector

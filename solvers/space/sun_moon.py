@@ -69,9 +69,7 @@ def moon(days: Any, functions: Functions) -> Place:
     shift = _ARCSECOND * series(_LONGITUDE, "sin")
     solar, node = arguments[1], arguments[2]
     turned = _ARCSECOND * (412.0 * functions["sin"](2.0 * node) + 541.0 * functions["sin"](solar))
-    latitude = _ARCSECOND * (
-        18520.0 * functions["sin"](node + shift + turned) + series(_LATITUDE, "sin")
-    )
+    latitude = _ARCSECOND * (18520.0 * functions["sin"](node + shift + turned) + series(_LATITUDE, "sin"))
     distance = 385_000.0 + series(_DISTANCE, "cos")
     return _equatorial(mean + shift, latitude, distance * _KILOMETRE, functions)
 

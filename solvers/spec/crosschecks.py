@@ -57,7 +57,10 @@ def _check_library(scope: Scope, flaws: Flaws) -> None:
     entry = LIBRARY.get(name) if isinstance(name, str) else None
     if entry is not None and entry.plant_only:
         seen_as = ", ".join(f"'{simple}'" for simple in entry.views)
-        detail = f"{quoted(entry.name)} can be flown, not optimised: take it as method.plant of a problem with {seen_as}"
+        detail = (
+            f"{quoted(entry.name)} can be flown, not optimised: "
+            f"take it as method.plant of a problem with {seen_as}"
+        )
         flaws.add(detail, "problem", "model", "name")
 
 

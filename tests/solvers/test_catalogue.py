@@ -14,9 +14,10 @@ from scipy.linalg import expm
 from scipy.optimize import brentq, root
 
 from solvers.catalogue import case_names, load_case, methods, models
+from solvers.errors import DocumentError
 from solvers.expressions import parse
 from solvers.models import LIBRARY
-from solvers.spec import MechanicalModel, check_document, initial_intervals
+from solvers.spec import LibraryReference, MechanicalModel, check_document, initial_intervals
 
 Vector = NDArray[np.float64]
 
@@ -92,14 +93,24 @@ def test_models_describe_every_name() -> None:
     assert [entry["name"] for entry in listed] == list(LIBRARY)
     for entry in listed:
         assert json.loads(json.dumps(entry)) == entry
-        reference = {"kind": "library", "name": entry["name"]}
-        problem = {"final_time": 1, "initial_state": {"*": 0}, "objective": {"terminal": "tf"}}
-        model = check_document({"problem": problem | {"model": reference}}).problem.model
+        reference = LibraryReference.model_construct(kind="library", name=entry["name"], parameters={})
+        model = reference.expand()
         assert tuple(entry["states"]) == model.states
         assert tuple(entry["controls"]) == model.controls
         assert entry["parameters"].keys() == model.parameter_values().keys()
-        for quantities in (entry["states"], entry["controls"], entry["parameters"]):
+        for quantities in (entry["states"], entry["controls"], entry["parameters"], entry["computed"]):
             assert all(quantity["unit"] and quantity["description"] for quantity in quantities.values())
+
+
+def test_a_plant_is_flown_and_not_optimised() -> None:
+    plants = [entry["name"] for entry in models() if entry["plant_only"]]
+    assert plants == ["edt_plant"]
+    problem = {"final_time": 1, "initial_state": {"*": 0}, "objective": {"terminal": "tf"}}
+    with pytest.raises(DocumentError) as refusal:
+        check_document({"problem": problem | {"model": {"kind": "library", "name": "edt_plant"}}})
+    assert [(fault.pointer, "method.plant" in fault.detail) for fault in refusal.value.faults] == [
+        ("/problem/model/name", True)
+    ]
 
 
 def test_methods_list_their_defaults_and_schemas() -> None:

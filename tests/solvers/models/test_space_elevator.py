@@ -64,7 +64,10 @@ def masses_flight(seconds: float) -> Vector:
     def rate(t: float, y: Vector) -> Vector:
         climber, body = y[:2], y[2:4]
         upper, lower = main(t)[0] - climber, body - climber
-        pulls = [line / np.linalg.norm(line) * tension for line, tension in zip((upper, lower), TENSIONS, strict=True)]
+        pulls = [
+            line / np.linalg.norm(line) * tension
+            for line, tension in zip((upper, lower), TENSIONS, strict=True)
+        ]
         gravity = [-GRAVITY * place / np.linalg.norm(place) ** 3 for place in (climber, body)]
         return np.concatenate([y[4:], gravity[0] + (pulls[0] + pulls[1]) / m1, gravity[1] - pulls[1] / m2])
 

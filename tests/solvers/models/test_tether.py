@@ -1,4 +1,4 @@
-"""The electrodynamic tether: integrals of motion, and the angles of ``edt`` against the vectors of its plant."""
+"""The electrodynamic tether: a first integral, and the angles of ``edt`` against the vectors of its plant."""
 
 from __future__ import annotations
 
@@ -43,8 +43,6 @@ def in_plant(simple: Equations, plant: Equations, x: Any) -> Vector:
 def observed(plant: Equations, y: Vector) -> dict[str, Any]:
     values = dict(zip(plant.states, y, strict=True)) | plant.parameters
     return LIBRARY["edt_plant"].views["edt"].observe(values, NUMPY.functions)
-
-
 
 
 def test_jacobi_integral_of_a_free_tether_on_a_circle() -> None:

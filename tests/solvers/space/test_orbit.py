@@ -33,7 +33,7 @@ def test_gauss_equations_are_cartesian_propagation() -> None:
     elements = solve_ivp(
         lambda t, e: gauss_rates(e, perturbation(t)), (0, 6000), ELEMENTS, atol=1e-14, **tight
     ).y[:, -1]
-    place, speed = cartesian(elements)
+    place, _ = cartesian(elements)
     # Both lose some micrometres to rounding along a path of 45,000 km.
     np.testing.assert_allclose(place, flown[:3], rtol=0, atol=5e-6)
     semi_major_axis = 1 / (2 / np.linalg.norm(flown[:3]) - flown[3:] @ flown[3:] / GRAVITY)
@@ -51,12 +51,16 @@ def test_equinoctial_elements_there_and_back(inclination: float) -> None:
     node, functions = 0.4, NUMPY.functions
     place, speed = cartesian(np.array([7.2e6, node, inclination, 0.02, -0.01, 0.9]))
     p, f, g, h, k, longitude = elements_of(tuple(place), tuple(speed), GRAVITY, functions)
-    assert (h, k) == pytest.approx(np.tan(inclination / 2) * np.array([np.cos(node), np.sin(node)]), abs=1e-15)
+    assert (h, k) == pytest.approx(
+        np.tan(inclination / 2) * np.array([np.cos(node), np.sin(node)]), abs=1e-15
+    )
     assert np.hypot(f, g) == pytest.approx(np.hypot(0.02, 0.01), rel=1e-12)
     axes = axes_of(h, k, longitude, functions)
     eta = 1 + f * np.cos(longitude) + g * np.sin(longitude)
     np.testing.assert_allclose(np.multiply(p / eta, axes.radial), place, rtol=1e-13, atol=1e-6)
-    np.testing.assert_allclose(np.array([axes.along, axes.normal, axes.radial]), orbital_axes(place, speed), atol=1e-14)
+    np.testing.assert_allclose(
+        np.array([axes.along, axes.normal, axes.radial]), orbital_axes(place, speed), atol=1e-14
+    )
 
 
 def test_oblateness_in_closed_form() -> None:

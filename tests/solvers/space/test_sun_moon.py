@@ -1,4 +1,4 @@
-"""Sun and Moon against astropy 7 (get_body, built-in ephemeris, terrestrial time), which is good to seconds of arc."""
+"""Sun and Moon against astropy (get_body, built-in ephemeris): good to seconds of arc."""
 
 from __future__ import annotations
 
