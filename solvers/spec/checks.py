@@ -65,7 +65,9 @@ def _check_number(value: float, flaws: Flaws, path: Path) -> bool:
 def _check_names(
     expression: Expression, place: str, scope: Scope, flaws: Flaws, path: Path, without: Collection[str]
 ) -> None:
-    names = scope.names(place).difference(without)
+    names = scope.names(place)
+    if without:
+        names = names.difference(without)
     for name in expression.undefined(names):
         where = f" (at character {expression.positions[name] + 1})"
         if name in without:

@@ -74,6 +74,8 @@ class Scope:
     def expanded(self, expression: Expression) -> int:
         """Return the number of operations of an expression with all definitions written out."""
         sizes = self.definition_sizes
+        if not sizes:
+            return expression.operations
         inner = (sizes.get(payload, 0) for code, payload in expression.program if code == Code.NAME)
         return min(expression.operations + sum(inner), _BEYOND_COUNT)
 
