@@ -18,7 +18,8 @@ Vector = NDArray[np.float64]
 
 def hamiltonian(problem: OptimalControlProblem, trajectory: Trajectory, costates: Vector) -> Vector:
     """H at the nodes, (K,), from the costates there, (n, K)."""
-    return np.asarray(_terms(problem, trajectory, costates).sum(axis=0), np.float64)
+    controls = trajectory.controls_at(trajectory.nodes)
+    return np.asarray(_terms(problem, trajectory, controls, costates).sum(axis=0), np.float64)
 
 
 def hamiltonian_drift(
@@ -30,7 +31,7 @@ def hamiltonian_drift(
     """
     if not problem.autonomous:
         return None
-    terms = _terms(problem, trajectory, costates)
+    terms = _terms(problem, trajectory, trajectory.controls_at(trajectory.nodes), costates)
     values, magnitude = terms.sum(axis=0), np.abs(terms).sum(axis=0).max()
     wander = np.max(np.abs(values - np.median(values)))
     return float(wander / magnitude) if magnitude > 0.0 else 0.0
@@ -38,36 +39,26 @@ def hamiltonian_drift(
 
 def switching_functions(problem: OptimalControlProblem, trajectory: Trajectory, costates: Vector) -> Vector:
     """dH/du_j at the nodes, (m, K), by central differences: exact where H is linear in u."""
-    tau = trajectory.nodes
-    states, controls, times = trajectory.states_at(tau), trajectory.controls_at(tau), trajectory.time(tau)
+    controls = trajectory.controls_at(trajectory.nodes)
     values = []
     for index, bounds in enumerate(problem.control_bounds):
         width = bounds[1] - bounds[0]
         step = np.zeros_like(controls)
         step[index] = 1e-4 * (width if np.isfinite(width) else max(1.0, float(np.abs(controls[index]).max())))
-        ahead, behind = (_sum(problem, states, controls + s * step, times, costates) for s in (1.0, -1.0))
+        ahead, behind = (
+            _terms(problem, trajectory, controls + side * step, costates).sum(axis=0) for side in (1.0, -1.0)
+        )
         values.append((ahead - behind) / (2.0 * step[index]))
-    return np.array(values).reshape(-1, tau.size)
+    return np.array(values).reshape(-1, controls.shape[1])
 
 
-def _sum(
-    problem: OptimalControlProblem, states: Vector, controls: Vector, times: Vector, costates: Vector
+def _terms(
+    problem: OptimalControlProblem, trajectory: Trajectory, controls: Vector, costates: Vector
 ) -> Vector:
-    return np.asarray(_terms_at(problem, states, controls, times, costates).sum(axis=0), np.float64)
-
-
-def _terms(problem: OptimalControlProblem, trajectory: Trajectory, costates: Vector) -> Vector:
-    """The running cost and lambda_i f_i at the nodes, (n + 1, K)."""
+    """The running cost and lambda_i f_i at the nodes under these controls, (n + 1, K)."""
     tau = trajectory.nodes
-    return _terms_at(
-        problem, trajectory.states_at(tau), trajectory.controls_at(tau), trajectory.time(tau), costates
-    )
-
-
-def _terms_at(
-    problem: OptimalControlProblem, states: Vector, controls: Vector, times: Vector, costates: Vector
-) -> Vector:
-    scope = problem.scope(states, controls, times, problem.parameters, NUMPY)
+    times, parameters = trajectory.time(tau), problem.parameters_of(trajectory)
+    scope = problem.scope(trajectory.states_at(tau), controls, times, parameters, NUMPY)
     with np.errstate(all="ignore"):  # the last iterate of a failed solve may have no finite rate
         rates = problem.dynamics.rate(scope, NUMPY)
         cost = 0.0 if problem.running_cost is None else problem.running_cost.evaluate(scope, NUMPY.functions)

@@ -32,11 +32,11 @@ def second_order_costates(
     x, u = ca.SX.sym("x", 2 * n), ca.SX.sym("u", len(problem.controls))
     t, mu, velocity_costate = ca.SX.sym("t"), ca.SX.sym("mu", n), ca.SX.sym("lambda", n)
     states, controls = ca.vertsplit(x), ca.vertsplit(u)
-    scope = problem.scope(states, controls, t, problem.parameters, CASADI)
+    scope = problem.scope(states, controls, t, problem.parameters_of(trajectory), CASADI)
     acceleration = ca.SX.sym("a", n)
     residual = ca.vertcat(*map(ca.SX, dynamics.residual(ca.vertsplit(acceleration), scope, CASADI)))
     mass = ca.jacobian(residual, acceleration)
-    rate = problem.rate(states, controls, t, problem.parameters, CASADI)
+    rate = problem.rate(states, controls, t, problem.parameters_of(trajectory), CASADI)
     hamiltonian = ca.dot(velocity_costate, ca.vertcat(*rate[n:]))
     if problem.running_cost is not None:
         hamiltonian += problem.running_cost.evaluate(scope, CASADI.functions)

@@ -21,7 +21,11 @@ def find_evaluation_fault(
     tau = trajectory.nodes
     times = trajectory.time(tau)
     scope = problem.scope(
-        trajectory.states_at(tau), trajectory.controls_at(tau), times, problem.parameters, NUMPY
+        trajectory.states_at(tau),
+        trajectory.controls_at(tau),
+        times,
+        problem.parameters_of(trajectory),
+        NUMPY,
     )
     for pointer, expression in _along_the_trajectory(spec):
         with np.errstate(all="ignore"):
@@ -51,5 +55,7 @@ def _along_the_trajectory(spec: ProblemSpec) -> Iterator[tuple[str, Expression]]
             yield f"{base}/dynamics/{name}", parse(entry)
     for index, constraint in enumerate(spec.path_constraints):
         yield f"/problem/path_constraints/{index}/expression", parse(constraint.expression)
+    for index, integral in enumerate(spec.integrals):
+        yield f"/problem/integrals/{index}/expression", parse(integral.expression)
     if spec.objective.running is not None:
         yield "/problem/objective/running", parse(spec.objective.running)

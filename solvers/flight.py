@@ -41,19 +41,22 @@ class FlightError(OndeletteError):
 
 @dataclass(frozen=True)
 class Arcs:
-    """What K arcs give: ``ends`` (n, K), ``inside`` (n, K, 4) at ``INSIDE``, ``costs`` (K,)."""
+    """What K arcs give: ``ends`` (n, K), ``inside`` (n, K, 4) at ``INSIDE``, ``integrals`` (1 + i, K).
+
+    The first of the integrals is that of the running cost.
+    """
 
     ends: Vector
     inside: Vector
-    costs: Vector
+    integrals: Vector
 
 
 @dataclass(frozen=True)
 class Flight:
-    """One whole flight: ``states`` (n, K + 1) at the breakpoints, its running ``cost``."""
+    """One whole flight: ``states`` (n, K + 1) at the breakpoints, ``integrals`` (1 + i,), the cost first."""
 
     states: Vector
-    cost: float
+    integrals: Vector
 
 
 class ControlledModel:
@@ -64,6 +67,8 @@ class ControlledModel:
     ) -> None:
         self._problem, self._trajectory = problem, trajectory
         self._scale, self._deadline = scale, deadline
+        self._parameters = problem.parameters_of(trajectory)
+        self._integrands = [problem.running_cost, *(item.expression for item in problem.integrals)]
         self.bounds = np.array(problem.control_bounds, np.float64).reshape(-1, 2)
         self.breakpoints = np.union1d(trajectory.breakpoints, self._crossings())
 
@@ -94,10 +99,11 @@ class ControlledModel:
             if time.monotonic() > self._deadline:
                 raise FlightError("the time for verification ran out")
             tau = np.clip(left + s * width, left + margin, left + width - margin)
-            states, controls = flat.reshape(n + 1, count)[:n], self.clipped(tau)[:, copies]
+            states, controls = flat.reshape(-1, count)[:n], self.clipped(tau)[:, copies]
             return (duration * self._rate(states, controls, tau[copies])).ravel()
 
-        start = np.vstack([starts, np.zeros((1, count))])
+        extra = len(self._integrands)
+        start = np.vstack([starts, np.zeros((extra, count))])
         if not np.isfinite(rate(0.0, start.ravel())).all():
             raise FlightError("the model has no finite rate at the start of an arc")
         # solve_ivp weighs errors by their mean square over all arcs: ask for more, so none is left behind.
@@ -108,14 +114,14 @@ class ControlledModel:
             method="DOP853",
             t_eval=INSIDE,
             rtol=max(RTOL / np.sqrt(count), _SMALLEST_RTOL),
-            atol=np.repeat(np.append(self._scale, 1.0) * RTOL / 10.0, count),
+            atol=np.repeat(np.append(self._scale, np.ones(extra)) * RTOL / 10.0, count),
         )
         if not solution.success:
             raise FlightError(f"the integration stopped: {solution.message}")
-        values = solution.y.reshape(n + 1, count, INSIDE.size)
+        values = solution.y.reshape(n + extra, count, INSIDE.size)
         if not np.isfinite(values).all():
             raise FlightError("the state is no longer finite")
-        return Arcs(values[:n, :, -1], values[:n], values[n, :, -1])
+        return Arcs(values[:n, :, -1], values[:n], values[n:, :, -1])
 
     def linearised(self, starts: Vector) -> tuple[Vector, Arcs]:
         """All arcs from ``starts`` (n, K), and d(end)/d(start) of each by differences, (K, n, n).
@@ -128,7 +134,7 @@ class ControlledModel:
         flown = self.integrate(bundle, np.tile(np.arange(count), n + 1))
         ends = flown.ends.reshape(n, n + 1, count)
         slopes = (ends[:, 1:] - ends[:, :1]) / offset[None, :, None]
-        own = Arcs(ends[:, 0], flown.inside[:, :count], flown.costs[:count])
+        own = Arcs(ends[:, 0], flown.inside[:, :count], flown.integrals[:, :count])
         return np.moveaxis(slopes, -1, 0), own
 
     def growth(self, slopes: Vector) -> float:
@@ -161,29 +167,29 @@ class ControlledModel:
                 # Newton's method squares the error: one more pass of the arcs closes the gaps to rounding.
                 arcs = self.integrate(states[:, :-1], np.arange(self.arcs))
                 states[:, 1:] += _accumulate(slopes, arcs.ends - states[:, 1:])
-                return Flight(states, float(arcs.costs.sum()))
+                return Flight(states, arcs.integrals.sum(axis=1))
             slopes, arcs = self.linearised(states[:, :-1])
         return self._march(guess[:, 0])
 
     def _march(self, start: Vector) -> Flight:
         """The flight arc after arc, where Newton's method fails."""
-        states, cost = [start], 0.0
+        states, integrals = [start], np.zeros(len(self._integrands))
         for index in range(self.arcs):
             arc = self.integrate(states[-1][:, None], np.array([index]))
             states.append(arc.ends[:, 0])
-            cost += float(arc.costs[0])
-        return Flight(np.column_stack(states), cost)
+            integrals += arc.integrals[:, 0]
+        return Flight(np.column_stack(states), integrals)
 
     def _rate(self, states: Vector, controls: Vector, tau: Vector) -> Vector:
-        """Rates of the states and of the running cost, (n + 1, len(tau))."""
+        """Rates of the states, of the running cost and of the integrals, (n + 1 + i, len(tau))."""
         problem = self._problem
-        scope = problem.scope(states, controls, self._trajectory.time(tau), problem.parameters, NUMPY)
+        scope = problem.scope(states, controls, self._trajectory.time(tau), self._parameters, NUMPY)
         with np.errstate(all="ignore"):
             rates = problem.dynamics.rate(scope, NUMPY)
-            cost = (
-                0.0 if problem.running_cost is None else problem.running_cost.evaluate(scope, NUMPY.functions)
-            )
-        return np.array(np.broadcast_arrays(*rates, cost, tau)[:-1], np.float64)
+            integrands = [
+                0.0 if item is None else item.evaluate(scope, NUMPY.functions) for item in self._integrands
+            ]
+        return np.array(np.broadcast_arrays(*rates, *integrands, tau)[:-1], np.float64)
 
     def _crossings(self) -> Vector:
         """Where a control crosses a bound between breakpoints: the clipped control has a corner there."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, Protocol
 
 import numpy as np
@@ -31,6 +31,11 @@ class Start(Protocol):
     @property
     def tf(self) -> float:
         """Final time."""
+        ...
+
+    @property
+    def design(self) -> Mapping[str, float]:
+        """Values of design parameters by name."""
         ...
 
     def states_at(self, tau: Vector) -> Vector:
@@ -61,6 +66,11 @@ class WarmStart:
         """Final time of the earlier answer."""
         return self.earlier.tf
 
+    @property
+    def design(self) -> Mapping[str, float]:
+        """Design parameters of the earlier answer."""
+        return self.earlier.design
+
     def states_at(self, tau: Vector) -> Vector:
         """See :class:`Start`."""
         return _named(self.earlier.states, self.states, self.guess.states_at(tau), tau)
@@ -74,13 +84,15 @@ class WarmStart:
 class Guess:
     """States and controls as piecewise linear functions of normalised time tau in [0, 1].
 
-    ``states`` and ``controls`` hold a pair (tau, values) for each name in order.
+    ``states`` and ``controls`` hold a pair (tau, values) for each name in order. Design parameters start from
+    the guesses that the problem has of them.
     """
 
     t0: float
     tf: float
     states: tuple[tuple[Vector, Vector], ...]
     controls: tuple[tuple[Vector, Vector], ...]
+    design: Mapping[str, float] = field(default_factory=dict)
 
     def states_at(self, tau: Vector) -> Vector:
         """States at K instants, (n, K)."""
@@ -100,6 +112,7 @@ def make_guess(
     times: tuple[Interval, Interval],
     ends: Ends,
     bounds: Ends,
+    design: Mapping[str, float],
 ) -> Guess:
     """Build the guess of a document.
 
@@ -126,6 +139,7 @@ def make_guess(
             _history(spec, name, parameters, times=(t0, tf)) or (WHOLE, np.full(2, _middle(bounds[1][j])))
             for j, name in enumerate(controls)
         ),
+        design,
     )
 
 

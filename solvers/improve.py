@@ -9,7 +9,7 @@ from typing import Any
 from solvers.meshes import adaptive_mesh_of
 from solvers.problem import OptimalControlProblem
 from solvers.refine.adaptive import Adapted, adapt
-from solvers.refine.switching import Refinement, refine_switching
+from solvers.refine.switching import Refinement, is_refinable, refine_switching
 from solvers.session import Session, Solved
 from solvers.spec import Adaptivity, AutoMethod, Method, SplineAdaptivity, SplineWaveletMethod
 from solvers.switching import find_switching
@@ -94,9 +94,10 @@ def improve(session: Session, method: Method, first: Solved, span: float) -> Imp
 
 def _automatically(session: Session, method: AutoMethod, first: Solved, span: float) -> Improved:
     """The structure first, which is exact and cheap; an adapted mesh where it is not found."""
-    refinement = refine_switching(session, first)
-    if refinement.refined is not None or refinement.solved.stopped:
-        return Improved(refinement.solved, refinement=refinement)
+    if is_refinable(session.problem):
+        refinement = refine_switching(session, first)
+        if refinement.refined is not None or refinement.solved.stopped:
+            return Improved(refinement.solved, refinement=refinement)
     adaptivity = SplineAdaptivity(tolerance=method.accuracy, max_level=_AUTOMATIC_LEVEL)
     mesh = adaptive_mesh_of(SplineWaveletMethod(name="swcm", adaptive=adaptivity))
     adapted = adapt(session, mesh, method.accuracy, first, span)

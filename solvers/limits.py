@@ -35,7 +35,7 @@ class Limit:
         x, u, t = trajectory.states_at(tau), trajectory.controls_at(tau), trajectory.time(tau)
         with np.errstate(all="ignore"):
             values = self.expression.evaluate(
-                problem.scope(x, u, t, problem.parameters, NUMPY), NUMPY.functions
+                problem.scope(x, u, t, problem.parameters_of(trajectory), NUMPY), NUMPY.functions
             )
         sign = 1.0 if self.upper else -1.0
         return np.asarray(np.broadcast_to(sign * (self.level - values), tau.shape), np.float64)

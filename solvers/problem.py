@@ -1,8 +1,9 @@
 """An optimal-control problem as numbers and callables, whatever they are evaluated over.
 
-Minimise  phi(x(t0), u(t0), x(tf), u(tf), t0, tf) + integral of L(x, u, t) dt  subject to  x' = f(x, u, t),
-bounds on states, controls, times and ends, path constraints h(x, u, t) and boundary constraints. A model of
-second order also gives its residual  M(q) q'' + C(q, q') q' + K q - G u - f(q, q', t).
+Minimise  phi(x(t0), u(t0), x(tf), u(tf), I, p, t0, tf) + integral of L(x, u, p, t) dt  subject to
+x' = f(x, u, p, t), bounds on states, controls, times and ends, path constraints h(x, u, p, t), boundary
+constraints, integrals I of g(x, u, p, t) and design parameters p. A model of second order also gives its
+residual  M(q) q'' + C(q, q') q' + K q - G u - f(q, q', t).
 
 Every callable takes lists of values (floats, NumPy arrays of one shape, CasADi symbols), the parameters by
 name, and the backend to which the values belong.
@@ -11,7 +12,7 @@ name, and the backend to which the values belong.
 from __future__ import annotations
 
 from collections.abc import Hashable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -20,16 +21,21 @@ from numpy.typing import NDArray
 from solvers.backends import NUMPY, Backend
 from solvers.dynamics import Dynamics, NodeScope
 from solvers.energy import vibration_energy
-from solvers.expressions import Expression, parse
-from solvers.guess import Guess, make_guess
+from solvers.expressions import Expression, parse, product, total
+from solvers.guess import Guess, Start, make_guess
 from solvers.models import Formula
+from solvers.quantities import FREE, Constraint, DesignParameter, Integral, Interval, NamedQuantity
 from solvers.spec import (
     VIBRATION_ENERGY,
+    BoundValue,
+    DesignSpec,
     ProblemSpec,
     bound_interval,
     definitions_of,
+    evaluate_constant,
     final_intervals,
     initial_intervals,
+    inside,
 )
 from solvers.trajectory import Trajectory
 
@@ -37,27 +43,8 @@ Vector = NDArray[np.float64]
 Values = Sequence[Any] | Vector
 """One value a state, coordinate or control; rows of an array where these are arrays."""
 Parameters = Mapping[str, Any]
-Interval = tuple[float, float]
-FREE: Interval = (-np.inf, np.inf)
 
-
-@dataclass(frozen=True)
-class Constraint:
-    """An expression held within ``interval``; ``pointer`` is its place in the document."""
-
-    name: str
-    pointer: str
-    expression: Expression
-    interval: Interval
-
-
-@dataclass(frozen=True)
-class NamedQuantity:
-    """An expression along the trajectory that is sampled for the result."""
-
-    name: str
-    expression: Expression
-    units: str = ""
+_ROUGH_SAMPLES = 129
 
 
 @dataclass(frozen=True)
@@ -75,18 +62,27 @@ class OptimalControlProblem:
     final_state: tuple[Interval, ...]
     state_bounds: tuple[Interval, ...]
     control_bounds: tuple[Interval, ...]
+    initial_control: tuple[Interval, ...]
+    final_control: tuple[Interval, ...]
     path: tuple[Constraint, ...]
     boundary: tuple[Constraint, ...]
     terminal_cost: Expression | None
     running_cost: Expression | None
     outputs: tuple[NamedQuantity, ...]
     guess: Guess
+    integrals: tuple[Integral, ...] = ()
+    design: tuple[DesignParameter, ...] = ()
 
     @classmethod
     def from_spec(cls, spec: ProblemSpec) -> OptimalControlProblem:
         """Build the problem of a checked document."""
         model = spec.model
-        parameters = model.parameter_values()
+        values = model.parameter_values()
+        designed = {name: parse(model.parameters[name]) for name in model.depending_on(spec.design)}
+        parameters = {
+            name: value for name, value in values.items() if name not in designed.keys() | spec.design.keys()
+        }
+        design = tuple(_design(name, item, values) for name, item in spec.design.items())
         bounds = {name: bound_interval(bound, parameters) for name, bound in spec.bounds.items()}
         initial, final = initial_intervals(spec), final_intervals(spec)
         initial_time = bound_interval(spec.initial_time, parameters)
@@ -100,7 +96,8 @@ class OptimalControlProblem:
             controls=model.controls,
             parameters=parameters,
             dynamics=Dynamics.from_model(model),
-            definitions=definitions_of(spec.submitted_model, model),
+            # What follows from a design parameter is worth what that is worth at the end.
+            definitions={**designed, **definitions_of(spec.submitted_model, model)},
             initial_time=initial_time,
             final_time=final_time,
             initial_state=initial_state,
@@ -112,6 +109,10 @@ class OptimalControlProblem:
             terminal_cost=None if spec.objective.terminal is None else parse(spec.objective.terminal),
             running_cost=None if spec.objective.running is None else parse(spec.objective.running),
             outputs=_outputs(spec),
+            integrals=_integrals(spec, parameters),
+            design=design,
+            initial_control=_control_ends(spec.initial_control, model.controls, parameters),
+            final_control=_control_ends(spec.final_control, model.controls, parameters),
             guess=make_guess(
                 spec.guess,
                 model.states,
@@ -120,6 +121,7 @@ class OptimalControlProblem:
                 times=(initial_time, final_time),
                 ends=(initial_state, final_state),
                 bounds=(state_bounds, control_bounds),
+                design={item.name: item.guess for item in design},
             ),
         )
 
@@ -134,8 +136,10 @@ class OptimalControlProblem:
             self.dynamics.layout,
             tuple(item.text for item in self.dynamics.expressions),
             tuple((name, item.text) for name, item in self.definitions.items()),
-            tuple(item.expression.text for item in self.path),
+            tuple((item.expression.text, item.during) for item in self.path),
             tuple(item.expression.text for item in self.boundary),
+            tuple((item.name, item.expression.text) for item in self.integrals),
+            tuple(item.name for item in self.design),
             tuple((item.name, item.expression.text) for item in self.outputs),
             tuple(costs),
         )
@@ -147,6 +151,35 @@ class OptimalControlProblem:
         every = [*self.dynamics.expressions, *self.definitions.values(), *running]
         return not any("t" in expression.names for expression in every)
 
+    def parameters_of(self, trajectory: Trajectory) -> dict[str, float]:
+        """The parameters of an answer: those of the document, design parameters as they were found."""
+        return {**self.parameters, **trajectory.design}
+
+    def with_integrals_in_cost(self, weights: Vector) -> OptimalControlProblem:
+        """The problem whose running cost also has each integrand times its weight.
+
+        With the multipliers of the integrals as weights its Hamiltonian is that of the whole problem.
+        """
+        if not self.integrals:
+            return self
+        terms = [] if self.running_cost is None else [self.running_cost]
+        terms += [
+            product(parse(float(weight)), item.expression)
+            for weight, item in zip(weights, self.integrals, strict=True)
+        ]
+        return replace(self, running_cost=total(terms))
+
+    def integrals_along(self, start: Start) -> Vector:
+        """The integrals along a start, roughly: where their unknowns begin; 0 where they are not finite."""
+        tau = np.linspace(0.0, 1.0, _ROUGH_SAMPLES)
+        t = start.t0 + (start.tf - start.t0) * tau
+        parameters = {**self.parameters, **start.design}
+        scope = self.scope(start.states_at(tau), start.controls_at(tau), t, parameters, NUMPY)
+        with np.errstate(all="ignore"):
+            values = [item.expression.evaluate(scope, NUMPY.functions) for item in self.integrals]
+        found = [np.trapezoid(np.broadcast_to(value, tau.shape), t) for value in values]
+        return np.nan_to_num(np.array(found, np.float64), posinf=0.0, neginf=0.0)
+
     def rate(self, x: Values, u: Values, t: Any, parameters: Parameters, backend: Backend) -> list[Any]:
         """Evaluate f(x, u, t), one value a state."""
         return self.dynamics.rate(self.scope(x, u, t, parameters, backend), backend)
@@ -155,7 +188,7 @@ class OptimalControlProblem:
         """Evaluate f along a trajectory at K normalised times, (n, K); not finite where the model is not."""
         x, u, t = trajectory.states_at(tau), trajectory.controls_at(tau), trajectory.time(tau)
         with np.errstate(all="ignore"):
-            rates = self.rate(x, u, t, self.parameters, NUMPY)
+            rates = self.rate(x, u, t, self.parameters_of(trajectory), NUMPY)
         return np.array(np.broadcast_arrays(*rates, t)[:-1], np.float64)
 
     def scope(self, x: Values, u: Values, t: Any, parameters: Parameters, backend: Backend) -> NodeScope:
@@ -171,7 +204,7 @@ class OptimalControlProblem:
     def outputs_at(self, trajectory: Trajectory, tau: Vector) -> dict[str, Vector]:
         """The outputs along a trajectory at K normalised times, by name; not finite where they are not."""
         x, u, t = trajectory.states_at(tau), trajectory.controls_at(tau), trajectory.time(tau)
-        scope = self.scope(x, u, t, self.parameters, NUMPY)
+        scope = self.scope(x, u, t, self.parameters_of(trajectory), NUMPY)
         with np.errstate(all="ignore"):
             values = [item.expression.evaluate(scope, NUMPY.functions) for item in self.outputs]
         return {
@@ -185,9 +218,11 @@ class OptimalControlProblem:
         final: tuple[Values, Values, Any],
         parameters: Parameters,
         backend: Backend,
+        integrals: Values = (),
     ) -> dict[str, Any]:
-        """Name the (states, controls, time) of both ends as expressions of the ends know them."""
+        """Name the (states, controls, time) of both ends and the integrals as expressions there know them."""
         scope = {**parameters, "t0": initial[2], "tf": final[2]}
+        scope |= {item.name: value for item, value in zip(self.integrals, integrals, strict=True)}
         for suffix, (x, u, _) in (("_0", initial), ("_f", final)):
             scope |= {name + suffix: value for name, value in zip(self.states, x, strict=True)}
             scope |= {name + suffix: value for name, value in zip(self.controls, u, strict=True)}
@@ -212,9 +247,36 @@ def _constraints(spec: ProblemSpec, key: str, parameters: dict[str, float]) -> t
             f"/problem/{key}/{index}",
             parse(item.expression),
             bound_interval(item.bounds, parameters),
+            item.window(parameters),
         )
         for index, item in enumerate(getattr(spec, key))
     )
+
+
+def _integrals(spec: ProblemSpec, parameters: dict[str, float]) -> tuple[Integral, ...]:
+    return tuple(
+        Integral(
+            item.name,
+            f"/problem/integrals/{index}",
+            parse(item.expression),
+            bound_interval(item.bounds, parameters),
+        )
+        for index, item in enumerate(spec.integrals)
+    )
+
+
+def _design(name: str, item: DesignSpec, values: dict[str, float]) -> DesignParameter:
+    """Start from the guess, else from the model's own value if it is allowed, else inside the bounds."""
+    interval = bound_interval(item.bounds, values)
+    own = values[name] if interval[0] <= values[name] <= interval[1] else inside(interval)
+    guess = own if item.guess is None else evaluate_constant(item.guess, values)
+    return DesignParameter(name, interval, guess)
+
+
+def _control_ends(
+    given: Mapping[str, BoundValue], controls: tuple[str, ...], parameters: dict[str, float]
+) -> tuple[Interval, ...]:
+    return tuple(bound_interval(given.get(name), parameters) for name in controls)
 
 
 def _outputs(spec: ProblemSpec) -> tuple[NamedQuantity, ...]:

@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from solvers.backends import NUMPY
-from solvers.problem import Interval, OptimalControlProblem
+from solvers.problem import OptimalControlProblem
+from solvers.quantities import Interval
 from solvers.trajectory import Trajectory
 from solvers.verify import SMALLEST_SCALE, dense
 
@@ -24,30 +25,32 @@ def constraint_margins(problem: OptimalControlProblem, trajectory: Trajectory) -
 
     A negative margin is a violation. Sampled between the breakpoints of the trajectory.
     """
-    tau = dense(trajectory.breakpoints)
-    times = trajectory.time(tau)
     return [
         _margin(pointer, values, interval, times)
-        for pointer, values, interval in _quantities(problem, trajectory, tau)
-        if np.isfinite(interval).any()
+        for pointer, values, interval, times in _quantities(problem, trajectory)
+        if np.isfinite(interval).any() and values.size
     ]
 
 
 def _quantities(
-    problem: OptimalControlProblem, trajectory: Trajectory, tau: Vector
-) -> Iterator[tuple[str, Vector, Interval]]:
+    problem: OptimalControlProblem, trajectory: Trajectory
+) -> Iterator[tuple[str, Vector, Interval, Vector]]:
+    """Every quantity that may have bounds: its pointer, its values, its bounds, the times of the values."""
+    tau = dense(trajectory.breakpoints)
+    times = trajectory.time(tau)
     states, controls = trajectory.states_at(tau), trajectory.controls_at(tau)
     for names, bounds, values in (
         (problem.states, problem.state_bounds, states),
         (problem.controls, problem.control_bounds, controls),
     ):
         for name, interval, row in zip(names, bounds, values, strict=True):
-            yield f"/problem/bounds/{name}", row, interval
-    scope = problem.scope(states, controls, trajectory.time(tau), problem.parameters, NUMPY)
+            yield f"/problem/bounds/{name}", row, interval, times
+    scope = problem.scope(states, controls, times, problem.parameters_of(trajectory), NUMPY)
     for constraint in problem.path:
         with np.errstate(all="ignore"):
             value = np.asarray(constraint.expression.evaluate(scope, NUMPY.functions), np.float64)
-        yield constraint.pointer, np.broadcast_to(value, tau.shape), constraint.interval
+        held = constraint.holds_at(tau)
+        yield constraint.pointer, np.broadcast_to(value, tau.shape)[held], constraint.interval, times[held]
 
 
 def _margin(pointer: str, values: Vector, interval: Interval, times: Vector) -> dict[str, Any]:

@@ -7,19 +7,34 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from solvers.problem import Interval, OptimalControlProblem
+from solvers.problem import OptimalControlProblem
+from solvers.quantities import Interval
 
 Vector = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
 class Scaling:
-    """Positive magnitudes: of each state and control, of time, and of the objective."""
+    """Positive magnitudes of each state, control, design parameter and integral, of time and objective."""
 
     states: Vector
     controls: Vector
     time: float
     objective: float
+    design: Vector
+    integrals: Vector
+
+    @property
+    def numbers(self) -> tuple[float, ...]:
+        """All of them."""
+        return (
+            *self.states,
+            *self.controls,
+            self.time,
+            self.objective,
+            *self.design,
+            *self.integrals,
+        )
 
 
 def automatic_scaling(problem: OptimalControlProblem) -> Scaling:
@@ -41,6 +56,13 @@ def automatic_scaling(problem: OptimalControlProblem) -> Scaling:
         ),
         time=nearest_power_of_two(max(abs(problem.guess.t0), abs(problem.guess.tf))),
         objective=1.0,
+        design=np.array([_typical(item.interval, [item.guess]) for item in problem.design]),
+        integrals=np.array(
+            [
+                _typical(item.interval, [value])
+                for item, value in zip(problem.integrals, problem.integrals_along(problem.guess), strict=True)
+            ]
+        ),
     )
 
 

@@ -39,6 +39,11 @@ class Solved:
         return self.outcome.status in (SolveStatus.CANCELLED, SolveStatus.TIME_LIMIT)
 
     @property
+    def weighted_problem(self) -> OptimalControlProblem:
+        """The problem with its integrals, times their multipliers, in the running cost."""
+        return self.transcription.weighted_problem(self.outcome.row_multipliers)
+
+    @property
     def objective(self) -> float:
         """The objective of the document on this mesh."""
         return self.outcome.objective * self.transcription.scaling.objective

@@ -2,24 +2,24 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
-from solvers.problem import Interval
+from solvers.bases.legendre import legendre_gauss
+from solvers.problem import OptimalControlProblem
+from solvers.quantities import Interval
 from solvers.spec import (
     AutoMethod,
     GaussPseudospectralMethod,
     HermiteSimpsonMethod,
     JobSpec,
-    MechanicalModel,
-    ProblemSpec,
     SplineWaveletMethod,
-    bound_interval,
-    final_intervals,
-    initial_intervals,
-    path_intervals,
 )
+
+Vector = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -50,16 +50,24 @@ def problem_size(spec: JobSpec) -> ProblemSize:
 
 
 def _mesh_size(spec: JobSpec) -> ProblemSize:
-    problem = spec.problem
-    n, m = len(problem.model.states), len(problem.model.controls)
+    problem = OptimalControlProblem.from_spec(spec.problem)
+    n, m = len(problem.states), len(problem.controls)
     match spec.method:
         case GaussPseudospectralMethod(nodes=nodes, segments=segments):
             states, controls = segments * (nodes + 1) + 1, segments * nodes
-            size = _size(problem, n * states + m * controls, n * (states - 1), controls, states)
+            ends = [*problem.initial_control, *problem.final_control] if nodes > 1 else []
+            size = _size(
+                problem,
+                n * states + m * controls,
+                n * (states - 1) + sum(bool(np.isfinite(end).any()) for end in ends),
+                lambda: _gauss_points(nodes, segments),
+                states,
+            )
             return _timed(size, 2e-9 * nodes**3 * segments * n**2)
         case HermiteSimpsonMethod(intervals=intervals):
             nodes = 2 * intervals + 1
-            return _timed(_size(problem, (n + m) * nodes, 2 * n * intervals, nodes, nodes), 0.0)
+            points = np.linspace(0.0, 1.0, nodes)
+            return _timed(_size(problem, (n + m) * nodes, 2 * n * intervals, lambda: points, nodes), 0.0)
         case SplineWaveletMethod(L=length, first_level=level):
             return _spline_size(problem, length << level)
         case AutoMethod():
@@ -68,41 +76,48 @@ def _mesh_size(spec: JobSpec) -> ProblemSize:
     raise TypeError(f"no size for the method {spec.method!r}")
 
 
-def _spline_size(problem: ProblemSpec, intervals: int) -> ProblemSize:
-    n, m = len(problem.model.states), len(problem.model.controls)
-    if isinstance(problem.model, MechanicalModel):
-        splines, points = n // 2, intervals + 1
-    else:
-        splines, points = n, intervals + 2
-    variables = splines * (intervals + 3) + m * points
-    held = _held_rows(problem, splines, intervals + 1)
-    size = _size(problem, variables, splines * points + held, points, intervals + 3)
+def _gauss_points(nodes: int, segments: int) -> Vector:
+    points, _ = legendre_gauss(nodes)
+    return ((np.arange(segments)[:, None] + (points + 1.0) / 2.0) / segments).ravel()
+
+
+def _spline_size(problem: OptimalControlProblem, intervals: int) -> ProblemSize:
+    n, m = len(problem.states), len(problem.controls)
+    knots = np.linspace(0.0, 1.0, intervals + 1)
+    splines, points = problem.dynamics.coordinates, knots
+    if not splines:
+        splines, points = n, np.concatenate([[0.0], (knots[1:] + knots[:-1]) / 2.0, [1.0]])
+    variables = splines * (intervals + 3) + m * points.size
+    held = _held_rows(problem, splines, knots.size)
+    size = _size(problem, variables, splines * points.size + held, lambda: points, intervals + 3)
     return _timed(size, 0.0)
 
 
-def _held_rows(problem: ProblemSpec, splines: int, knots: int) -> int:
+def _held_rows(problem: OptimalControlProblem, splines: int, knots: int) -> int:
     """Rows that hold splines and their rates at the knots; a spline at an end is an unknown itself."""
-    along = path_intervals(problem)
-    ends = initial_intervals(problem), final_intervals(problem)
     rows = 0
-    for index, name in enumerate(problem.model.states):
-        inner = along[name]
-        at_ends = [_meet(inner, end[name]) for end in ends]
+    every = zip(problem.state_bounds, problem.initial_state, problem.final_state, strict=True)
+    for index, (inner, *ends) in enumerate(every):
         if index < splines:
             rows += (knots - 2) * bool(np.isfinite(inner).any())
         else:
-            rows += (knots - 2) * _sides(inner) + sum(_sides(end) for end in at_ends)
+            rows += (knots - 2) * _sides(inner) + sum(_sides(_meet(inner, end)) for end in ends)
     return rows
 
 
-def _size(problem: ProblemSpec, variables: int, defects: int, path_points: int, nodes: int) -> ProblemSize:
-    """Add the times, the path and boundary constraints, and the order of the times."""
-    parameters = problem.model.parameter_values()
-    initial, final = (
-        bound_interval(bound, parameters) for bound in (problem.initial_time, problem.final_time)
-    )
-    rows = defects + len(problem.path_constraints) * path_points + len(problem.boundary_constraints)
-    return ProblemSize(variables + 2, rows + (final[0] <= initial[1]), nodes, 0.0)
+def _size(
+    problem: OptimalControlProblem,
+    variables: int,
+    rows: int,
+    path_points: Callable[[], Vector],
+    nodes: int,
+) -> ProblemSize:
+    """Add the times, the path and boundary constraints, the scalars, and the order of the times."""
+    rows += len(problem.boundary) + len(problem.integrals)
+    rows += int(problem.final_time[0] <= problem.initial_time[1])
+    rows += sum(int(item.holds_at(path_points()).sum()) for item in problem.path)
+    scalars = 2 + len(problem.design) + len(problem.integrals)
+    return ProblemSize(variables + scalars, rows, nodes, 0.0)
 
 
 def _timed(size: ProblemSize, dense: float) -> ProblemSize:

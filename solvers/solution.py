@@ -49,6 +49,7 @@ class Solution:
     message: str
     method: Mapping[str, Any]
     verification: Verification
+    integrals: Mapping[str, float]
     switching: Mapping[str, Any]
     constraints: Sequence[Mapping[str, Any]]
     convergence: Sequence[Mapping[str, Any]]
@@ -88,6 +89,8 @@ class Solution:
             },
             "trajectory": sampled,
             "outputs": output_extremes(self.problem, trajectory, sampled),
+            "integrals": dict(self.integrals),
+            "design": dict(trajectory.design),
             "interpolation": dict.fromkeys(trajectory.controls, trajectory.interpolation),
             "switching": dict(self.switching),
             "verification": self.verification.to_dict(),

@@ -60,7 +60,7 @@ def solve(
     costates = solved.transcription.costates(solved.trajectory, solved.outcome.row_multipliers)
     verification = replace(
         _verify(session, spec, solved),
-        hamiltonian_drift=hamiltonian_drift(problem, solved.trajectory, costates),
+        hamiltonian_drift=hamiltonian_drift(solved.weighted_problem, solved.trajectory, costates),
         mesh_error_estimate=mesh_error_estimate(problem, solved.trajectory),
     )
     verification = improved.certified(problem, verification)
@@ -76,6 +76,7 @@ def solve(
         message=" ".join([message, *(item["detail"] for item in improved.warnings)]),
         method={**method.model_dump(exclude_none=True), **improved.summary},
         verification=verification,
+        integrals=solved.transcription.integrals(solved.outcome.unknowns),
         switching=improved.switching(problem),
         constraints=constraint_margins(problem, solved.trajectory),
         convergence=session.convergence,

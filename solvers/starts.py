@@ -7,6 +7,7 @@ horizon. They are the same every time: the numbers come from a Halton sequence (
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -39,6 +40,11 @@ class PerturbedStart:
     tf: float
     waves: Vector
     controls: Vector
+
+    @property
+    def design(self) -> Mapping[str, float]:
+        """Those of the other start."""
+        return self.base.design
 
     def states_at(self, tau: Vector) -> Vector:
         """See :class:`solvers.guess.Start`."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -24,7 +24,8 @@ class Trajectory:
 
     ``interpolation`` names how the controls are to be read between nodes. ``basis`` names the functions
     behind the curves (:mod:`solvers.coefficients`). ``breakpoints``: ascending tau from 0 to 1, between which
-    every curve is smooth. ``nodes``: the tau at which the dynamics were imposed, and both ends.
+    every curve is smooth. ``nodes``: the tau at which the dynamics were imposed, and both ends. ``design``:
+    the design parameters that belong to it.
     """
 
     t0: float
@@ -35,6 +36,7 @@ class Trajectory:
     basis: Mapping[str, Any]
     breakpoints: Vector
     nodes: Vector
+    design: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def duration(self) -> float:
@@ -81,6 +83,7 @@ class Trajectory:
             basis=result["coefficients"]["basis"],
             breakpoints=decoded.breakpoints,
             nodes=decoded.nodes,
+            design=result.get("design", {}),
         )
 
     def sample(self, times: Vector, *, derivatives: bool = False) -> dict[str, Any]:

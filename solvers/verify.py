@@ -15,7 +15,8 @@ from numpy.typing import NDArray
 
 from solvers.backends import NUMPY
 from solvers.flight import INSIDE, INTEGRATOR, RTOL, ControlledModel, FlightError
-from solvers.problem import Constraint, OptimalControlProblem
+from solvers.problem import OptimalControlProblem
+from solvers.quantities import Constraint
 from solvers.trajectory import Trajectory
 
 Vector = NDArray[np.float64]
@@ -62,13 +63,14 @@ class StateReport:
 
 @dataclass(frozen=True)
 class Verification:
-    """What the flight showed. Scaled maxima, a report for each state, and the checks that decide."""
+    """What the flight showed. Integrals, scaled maxima, a report for each state, the checks that decide."""
 
     terminal_error: float | None
     max_state_error: float | None
     max_bound_violation: float
     max_path_violation: float
     objective: float | None
+    integrals: Mapping[str, float]
     growth: float | None
     states: Mapping[str, StateReport]
     tolerances: Tolerances
@@ -92,6 +94,7 @@ class Verification:
             "max_bound_violation": self.max_bound_violation,
             "max_path_violation": self.max_path_violation,
             "objective": self.objective,
+            "integrals": dict(self.integrals),
             "hamiltonian_drift": self.hamiltonian_drift,
             "mesh_error_estimate": self.mesh_error_estimate,
             "growth": self.growth,
@@ -118,13 +121,14 @@ class Verification:
 class _Evidence:
     """What flying showed; None where it was not computed.
 
-    ``ends``: the final state as flown, or as promised where the flight says nothing.
+    ``ends``: the final state as flown, or as promised where the flight says nothing; ``integrals``: that of
+    the running cost, then those of the document.
     """
 
     arc_errors: Vector | None = None
     ends: Vector | None = None
     misses: Vector | None = None
-    running_cost: float | None = None
+    integrals: Vector | None = None
     growth: float | None = None
     note: str = ""
 
@@ -153,13 +157,18 @@ def verify(
         _scaled_violation(states, np.array(problem.state_bounds), scale),
         _scaled_violation(controls, model.bounds, _scale(controls)),
     )
-    scope = problem.scope(states, model.clipped(tau), trajectory.time(tau), problem.parameters, NUMPY)
-    path = _largest_violation(problem.path, scope)
+    scope = problem.scope(
+        states, model.clipped(tau), trajectory.time(tau), problem.parameters_of(trajectory), NUMPY
+    )
+    path = _largest_violation(problem.path, scope, tau)
     ends_scope = _ends_scope(problem, trajectory, model, evidence)
     start = trajectory.states_at(np.zeros(1))
     ends = max(
         _scaled_violation(start, np.array(problem.initial_state), scale),
+        _scaled_violation(controls[:, [0]], np.array(problem.initial_control), _scale(controls)),
+        _scaled_violation(controls[:, [-1]], np.array(problem.final_control), _scale(controls)),
         _largest_violation(problem.boundary, ends_scope),
+        _integral_violation(problem, evidence),
     )
     checks = [
         Check("state_error", state_error, tolerances.state_error),
@@ -175,6 +184,12 @@ def verify(
         max_bound_violation=bounds,
         max_path_violation=path,
         objective=_objective(problem, evidence, ends_scope),
+        integrals={}
+        if evidence.integrals is None
+        else {
+            item.name: float(value)
+            for item, value in zip(problem.integrals, evidence.integrals[1:], strict=True)
+        },
         growth=evidence.growth,
         states={
             name: _state_report(
@@ -198,7 +213,7 @@ def _fly(problem: OptimalControlProblem, trajectory: Trajectory, model: Controll
             evidence,
             arc_errors=np.abs(arcs.inside - _inside(trajectory, model.breakpoints)),
             ends=promised[:, -1],
-            running_cost=float(arcs.costs.sum()),
+            integrals=arcs.integrals.sum(axis=1),
             growth=model.growth(slopes),
         )
         if not evidence.flight_counts:
@@ -214,7 +229,7 @@ def _fly(problem: OptimalControlProblem, trajectory: Trajectory, model: Controll
     # Off the promise, or off the end condition itself.
     off_target = _outside(flown[:, None], np.array(problem.final_state)).max(axis=1)
     misses = np.maximum(np.abs(flown - promised[:, -1]), off_target)
-    return replace(evidence, ends=flown, misses=misses, running_cost=flight.cost)
+    return replace(evidence, ends=flown, misses=misses, integrals=flight.integrals)
 
 
 def dense(breakpoints: Vector) -> Vector:
@@ -239,12 +254,24 @@ def _scaled_violation(values: Vector, bounds: Vector, scale: Vector) -> float:
     return float(np.max(_outside(values, bounds.reshape(-1, 2)) / scale[:, None], initial=0.0))
 
 
-def _largest_violation(constraints: Sequence[Constraint], scope: Mapping[str, Any]) -> float:
-    """The largest violation of expressions, each relative to its own scale."""
+def _integral_violation(problem: OptimalControlProblem, evidence: _Evidence) -> float:
+    """The largest violation of the bounds of integrals by what was flown, each relative to itself."""
+    if evidence.integrals is None or not problem.integrals:
+        return 0.0
+    values = evidence.integrals[1:, None]
+    return _scaled_violation(values, np.array([item.interval for item in problem.integrals]), _scale(values))
+
+
+def _largest_violation(
+    constraints: Sequence[Constraint], scope: Mapping[str, Any], tau: Vector | None = None
+) -> float:
+    """The largest violation of expressions, each relative to its own scale, where it is to hold."""
     largest = 0.0
     for constraint in constraints:
         with np.errstate(all="ignore"):
             value = constraint.expression.evaluate(scope, NUMPY.functions)
+        if tau is not None:
+            value = np.broadcast_to(value, tau.shape)[constraint.holds_at(tau)]
         values = np.atleast_2d(np.asarray(value, np.float64))
         scale = np.maximum(SMALLEST_SCALE, np.max(np.abs(values), where=np.isfinite(values), initial=0.0))
         violation = _scaled_violation(values, np.array([constraint.interval]), np.array([scale]))
@@ -261,8 +288,9 @@ def _ends_scope(
     return problem.ends_scope(
         (states[:, 0], controls[:, 0], trajectory.t0),
         (final, controls[:, 1], trajectory.tf),
-        problem.parameters,
+        problem.parameters_of(trajectory),
         NUMPY,
+        np.zeros(len(problem.integrals)) if evidence.integrals is None else evidence.integrals[1:],
     )
 
 
@@ -270,12 +298,13 @@ def _objective(
     problem: OptimalControlProblem, evidence: _Evidence, ends_scope: Mapping[str, Any]
 ) -> float | None:
     """The objective of what was flown."""
-    if evidence.running_cost is None:
+    if evidence.integrals is None:
         return None
+    running_cost = float(evidence.integrals[0])
     if problem.terminal_cost is None:
-        return evidence.running_cost
+        return running_cost
     with np.errstate(all="ignore"):
-        return evidence.running_cost + float(problem.terminal_cost.evaluate(ends_scope, NUMPY.functions))
+        return running_cost + float(problem.terminal_cost.evaluate(ends_scope, NUMPY.functions))
 
 
 def _inside(trajectory: Trajectory, breakpoints: Vector) -> Vector:

@@ -327,11 +327,6 @@ def _unsupported() -> Iterator[BadDocument]:
         ("piecewise", "/method", {"name": "piecewise"}),
         ("scenarios", "/problem/scenarios", {"cases": [{"name": "soft", "parameters": {"k": 90}}]}),
         ("control rates", "/problem/control_rates", {"T": [-1, 1]}),
-        (
-            "integrals",
-            "/problem/integrals",
-            [{"name": "impulse", "expression": "abs(T)", "bounds": [None, 40]}],
-        ),
         ("webhook", "/webhook", {"url": "http://127.0.0.1/"}),
     ):
         where = f"{pointer}/name" if pointer == "/method" else pointer

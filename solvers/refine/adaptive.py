@@ -156,7 +156,9 @@ def _assess(session: Session, solved: Solved, limit: float) -> _Assessed:
     if over_all is not None and over_all > limit:
         return _Assessed(errors, _FLIGHT_SHARE * worst * limit / over_all, over_all)
     costates = solved.transcription.costates(trajectory, solved.outcome.row_multipliers)
-    given_away = suboptimality(problem, trajectory, costates) / max(abs(solved.objective), SMALLEST_SCALE)
+    given_away = suboptimality(solved.weighted_problem, trajectory, costates) / max(
+        abs(solved.objective), SMALLEST_SCALE
+    )
     total = float(given_away.sum())
     if total > 0.0:
         # What counts is the sum: the arcs with the largest parts answer for all of it.

@@ -38,7 +38,7 @@ def suboptimality(problem: OptimalControlProblem, trajectory: Trajectory, costat
     flown = np.clip(controls, limits[:, :1], limits[:, 1:])
 
     def hamiltonian(u: Vector) -> Vector:
-        scope = problem.scope(states, u, trajectory.time(tau), problem.parameters, NUMPY)
+        scope = problem.scope(states, u, trajectory.time(tau), problem.parameters_of(trajectory), NUMPY)
         rates = problem.dynamics.rate(scope, NUMPY)
         cost = 0.0 if problem.running_cost is None else problem.running_cost.evaluate(scope, NUMPY.functions)
         terms = [costate * rate for costate, rate in zip(multipliers, rates, strict=True)]

@@ -112,7 +112,7 @@ def _fastest_motions(problem: OptimalControlProblem, trajectory: Trajectory, tau
     offsets = np.repeat(np.hstack([np.diag(step), -np.diag(step)]), count, axis=1)
     scope = np.tile(x, 2 * n) + offsets, np.tile(u, 2 * n), np.tile(t, 2 * n)
     with np.errstate(all="ignore"):
-        rates = problem.rate(*scope, problem.parameters, NUMPY)
+        rates = problem.rate(*scope, problem.parameters_of(trajectory), NUMPY)
         moved = np.array(np.broadcast_arrays(*rates, scope[2])[:-1]).reshape(n, 2, n, count)
         jacobians = np.moveaxis((moved[:, 0] - moved[:, 1]) / (2.0 * step[:, None]), -1, 0)
     finite = np.isfinite(jacobians).all(axis=(1, 2))

@@ -77,10 +77,13 @@ def arc_errors(problem: OptimalControlProblem, trajectory: Trajectory) -> ArcErr
             largest[:, long], ends[:, long] = _followed(problem, trajectory, np.flatnonzero(long), scale)
         path = np.zeros(tau.size)
         flown = np.clip(controls, limits[:, :1], limits[:, 1:])
-        scope = problem.scope(states, flown, trajectory.time(tau.ravel()), problem.parameters, NUMPY)
+        scope = problem.scope(
+            states, flown, trajectory.time(tau.ravel()), problem.parameters_of(trajectory), NUMPY
+        )
         for constraint in problem.path:
             values = np.broadcast_to(constraint.expression.evaluate(scope, NUMPY.functions), tau.size)
-            path = np.maximum(path, _outside(values[None], np.array([constraint.interval])))
+            outside = _outside(values[None], np.array([constraint.interval]))
+            path = np.maximum(path, np.where(constraint.holds_at(tau.ravel()), outside, 0.0))
     bounds = np.maximum(
         _outside(states, np.array(problem.state_bounds, np.float64)),
         _outside(controls, limits) if controls.size else 0.0,
@@ -128,7 +131,11 @@ def _gap(problem: OptimalControlProblem, trajectory: Trajectory, tau: Vector, dr
     limits = _control_limits(problem)
     controls = np.clip(trajectory.controls_at(tau), limits[:, :1], limits[:, 1:])
     rates = problem.rate(
-        trajectory.states_at(tau) + drift, controls, trajectory.time(tau), problem.parameters, NUMPY
+        trajectory.states_at(tau) + drift,
+        controls,
+        trajectory.time(tau),
+        problem.parameters_of(trajectory),
+        NUMPY,
     )
     return np.array(np.broadcast_arrays(*rates, tau)[:-1]) - trajectory.rates_at(tau)
 

@@ -148,7 +148,7 @@ class Search:
         )
         solved = self.session.solve(transcription, f"switching {round_ + 1}", _share(round_), warm=True)
         self.stopped = solved.outcome.status if solved.stopped else None
-        return (structure_of(self.session.problem, solved), solved.trajectory) if solved.converged else None
+        return (structure_of(solved), solved.trajectory) if solved.converged else None
 
     def _first_mesh(self, start: Trajectory, structure: Structure) -> ArcMesh:
         self.tried.add(structure.pattern)
@@ -182,10 +182,10 @@ class Search:
             self.best = found
 
 
-def structure_of(problem: OptimalControlProblem, solved: Solved) -> Structure:
+def structure_of(solved: Solved) -> Structure:
     """The structure of a solved mesh."""
     return find_structure(
-        problem,
+        solved.weighted_problem,
         solved.trajectory,
         lambda: solved.transcription.costates(solved.trajectory, solved.outcome.row_multipliers),
     )
@@ -202,6 +202,8 @@ def _too_few_arcs(problem: OptimalControlProblem, structure: Structure) -> bool:
         return False
     free = [bounds[0] < bounds[1] for bounds in (problem.initial_time, problem.final_time)]
     free += [bounds[0] < bounds[1] for bounds in problem.initial_state]
+    free += [item.interval[0] < item.interval[1] for item in problem.design]
     held = [bounds[0] == bounds[1] for bounds in problem.final_state]
     held += [item.interval[0] == item.interval[1] for item in problem.boundary]
+    held += [item.interval[0] == item.interval[1] for item in problem.integrals]
     return structure.arcs - 1 + sum(free) < sum(held)

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from solvers.problem import Interval, OptimalControlProblem
+from solvers.problem import OptimalControlProblem
+from solvers.quantities import Interval
 from solvers.refine.structure import Pieces, Structure
 from solvers.session import Solved
 from solvers.transcription.multi_arc import MultiArc

@@ -100,7 +100,12 @@ class Structure:
             if not np.isnan(pinned[list(rates.controls), arc]).any():
                 tau = start + (stop - start) * _INSIDE
                 controls = np.where(np.isnan(pinned[:, [arc]]), trajectory.controls_at(tau), pinned[:, [arc]])
-                values = rates.along(problem, trajectory.states_at(tau), controls, trajectory.time(tau))
+                values = rates.along(
+                    problem.parameters_of(trajectory),
+                    trajectory.states_at(tau),
+                    controls,
+                    trajectory.time(tau),
+                )
                 values[0] -= limit.level
                 lengths = ((stop - start) * trajectory.duration) ** np.arange(rates.order + 1)
                 if np.max(np.abs(values * lengths[:, None])) <= _IDLE * own_range:

@@ -12,7 +12,10 @@ import time
 from dataclasses import dataclass, replace
 from typing import Any
 
+import numpy as np
+
 from solvers.problem import OptimalControlProblem
+from solvers.quantities import WHOLE_SPAN
 from solvers.refine.residual import arc_errors, mesh_error_estimate
 from solvers.refine.search import PROGRAM_TOLERANCE, WRONG_SIGN, Refined, Search, structure_of
 from solvers.session import Session, Solved
@@ -74,6 +77,15 @@ class Refinement:
         )
 
 
+def is_refinable(problem: OptimalControlProblem) -> bool:
+    """Whether arcs can be looked for: not with windows of constraints, nor with controls bound at the ends.
+
+    Windows would have to begin inside of arcs; a control that rests on a bound does not jump to its end.
+    """
+    ends = [*problem.initial_control, *problem.final_control]
+    return not np.isfinite(ends).any() and all(item.during == WHOLE_SPAN for item in problem.path)
+
+
 def refine_switching(session: Session, first: Solved) -> Refinement:
     """Find the structure of a converged answer and solve for its switching times.
 
@@ -84,7 +96,7 @@ def refine_switching(session: Session, first: Solved) -> Refinement:
         session, tolerance=min(session.tolerance, PROGRAM_TOLERANCE), seconds={"build": 0.0, "solve": 0.0}
     )
     search = Search(inner, first)
-    reason = search.run(structure_of(session.problem, first))
+    reason = search.run(structure_of(first))
     session.iterations = inner.iterations
     session.seconds["refine"] = time.perf_counter() - started
     return _judged(session.problem, search, reason)

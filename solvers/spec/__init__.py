@@ -26,6 +26,7 @@ from solvers.spec.models import (
 )
 from solvers.spec.problem import (
     BoundaryConstraint,
+    DesignSpec,
     Guess,
     Objective,
     PathConstraint,
@@ -45,6 +46,7 @@ __all__ = [
     "AutoMethod",
     "BoundValue",
     "BoundaryConstraint",
+    "DesignSpec",
     "FirstOrderModel",
     "GaussPseudospectralMethod",
     "Guess",

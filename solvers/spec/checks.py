@@ -44,7 +44,7 @@ def check_expression(
         return
     if scope.known or place == "constant":
         _check_names(expression, place, scope, flaws, path, without)
-        size = scope.expanded(expression)
+        size = scope.expanded(expression) if scope.definition_sizes else 0
         if size > MAX_EXPANDED:
             detail = f"limit: {size:,} operations with definitions written out, at most {MAX_EXPANDED:,}"
             flaws.add(detail, *path, type="limit")
@@ -74,6 +74,9 @@ def _check_names(
             flaws.add(f"{quoted(name)} comes later; a definition may use earlier ones only{where}", *path)
         elif place == "path" and name in scope.rate_names:
             flaws.add(f"unsupported: {RATES}: {quoted(name)}{where}", *path, type="unsupported")
+        elif place == "constant" and name in scope.designed:
+            what = f"{quoted(name)} is a design parameter or follows from one"
+            flaws.add(f"{what}; {_ADVICE[place]}{where}", *path)
         elif name in scope.model_names or name in scope.boundary_names or name in scope.rate_names:
             flaws.add(f"the name {quoted(name)} cannot be used here; {_ADVICE[place]}{where}", *path)
         else:
@@ -85,8 +88,8 @@ _ADVICE = {
     "model": "the names of a model are its states, controls, parameters, definitions and t",
     "path": "along the trajectory the names are those of the model and the accelerations <coordinate>_ddot",
     "boundary": (
-        "at the ends the names are <state>_0, <state>_f, likewise of controls, <output>_f, parameters, "
-        "t0 and tf"
+        "at the ends the names are <state>_0, <state>_f, likewise of controls, <output>_f, integrals, "
+        "parameters, t0 and tf"
     ),
 }
 

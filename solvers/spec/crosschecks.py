@@ -20,6 +20,7 @@ from solvers.spec.checks import check_bound, check_constant
 from solvers.spec.faults import Flaws, Path
 from solvers.spec.matrices import MatrixOf, matrix_rows
 from solvers.spec.scope import MAX_NAME, MAX_STATES, VIBRATION_ENERGY, Scope, mapping
+from solvers.spec.support import check_support
 from solvers.spec.values import FREE, Interval, inside
 
 _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*", re.ASCII)
@@ -34,7 +35,10 @@ def cross_check(scope: Scope) -> Flaws:
     _check_library(scope, flaws)
     _check_times(scope, flaws)
     _check_ends(scope, flaws)
+    _check_control_ends(scope, flaws)
+    _check_design(scope, flaws)
     _check_guess(scope, flaws)
+    check_support(scope, flaws)
     if scope.known and scope.coordinates:
         _check_mass(scope, flaws)
     return flaws
@@ -76,11 +80,12 @@ def _declared(scope: Scope) -> Iterator[tuple[str, str, Path]]:
     for key in ("parameters", "definitions"):
         for name in mapping(model.get(key)):
             yield name, key[:-1], ("problem", "model", key, name)
-    outputs = scope.problem.get("outputs")
-    for index, item in enumerate(outputs if isinstance(outputs, list) else ()):
-        name = mapping(item).get("name")
-        if isinstance(name, str):
-            yield name, "output", ("problem", "outputs", index, "name")
+    for key in ("outputs", "integrals"):
+        items = scope.problem.get(key)
+        for index, item in enumerate(items if isinstance(items, list) else ()):
+            name = mapping(item).get("name")
+            if isinstance(name, str):
+                yield name, key[:-1], ("problem", key, index, "name")
 
 
 def _name_flaw(name: str, seen: dict[str, str], generated: dict[str, str]) -> str | None:
@@ -147,6 +152,31 @@ def _check_ends(scope: Scope, flaws: Flaws) -> None:
                 inside_what = f"[{allowed[0]:g}, {allowed[1]:g}]"
                 detail = f"the state {quoted(state)} ends outside its bounds {inside_what}"
                 flaws.add(detail, "problem", key, place)
+
+
+def _check_control_ends(scope: Scope, flaws: Flaws) -> None:
+    bounds = mapping(scope.problem.get("bounds"))
+    for key in ("initial_control", "final_control"):
+        ends = mapping(scope.problem.get(key))
+        for control in scope.controls:
+            end, allowed = _interval(scope, ends.get(control)), _interval(scope, bounds.get(control))
+            if end is not None and allowed is not None and (end[1] < allowed[0] or end[0] > allowed[1]):
+                inside_what = f"[{allowed[0]:g}, {allowed[1]:g}]"
+                detail = f"the control {quoted(control)} is outside its bounds {inside_what} there"
+                flaws.add(detail, "problem", key, control)
+
+
+def _check_design(scope: Scope, flaws: Flaws) -> None:
+    """What is optimised must be a parameter of the model, its guess inside its bounds."""
+    for name, item in mapping(scope.problem.get("design")).items():
+        if scope.known and name not in scope.parameter_names:
+            detail = f"the model has no parameter {quoted(name)}{scope.suggest(name, scope.parameter_names)}"
+            flaws.add(detail, "problem", "design", name)
+        bound, guess = _interval(scope, mapping(item).get("bounds")), mapping(item).get("guess")
+        value = None if guess is None else check_constant(guess, scope, Flaws())
+        if bound is not None and value is not None and not bound[0] <= value <= bound[1]:
+            detail = f"the guess {value:g} is outside the bounds [{bound[0]:g}, {bound[1]:g}]"
+            flaws.add(detail, "problem", "design", name, "guess")
 
 
 def _check_guess(scope: Scope, flaws: Flaws) -> None:

@@ -172,6 +172,25 @@ class BoundCheck(Check):
         return BOUND_SCHEMA
 
 
+class Window(Check):
+    """A part of the time span: ``[start, end]`` with 0 <= start <= end <= 1."""
+
+    def check(self, value: Any, scope: Scope) -> list[Any]:
+        """Return the window as submitted."""
+        if not isinstance(value, list) or len(value) != 2:
+            raise refuse("must be [start, end], counted from 0 at t0 to 1 at tf")
+        flaws = Flaws()
+        start, stop = (check_constant(side, scope, flaws, index) for index, side in enumerate(value))
+        if start is not None and stop is not None and not 0.0 <= start <= stop <= 1.0:
+            flaws.add(f"must satisfy 0 <= start <= end <= 1, not {start:g}, {stop:g}")
+        flaws.raise_any()
+        return value
+
+    def schema(self) -> dict[str, Any]:
+        """A pair of values."""
+        return {"type": "array", "items": VALUE_SCHEMA, "minItems": 2, "maxItems": 2}
+
+
 class FreeObject(Check):
     """An object that the service keeps and hands back, but does not read."""
 

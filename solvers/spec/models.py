@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from typing import Annotated, Literal
 
 from pydantic import Field, TypeAdapter
@@ -40,6 +40,14 @@ class _Equations(SpecModel):
     """Name -> value; a value may use parameters that stand before it."""
     definitions: Annotated[dict[str, Value], DefinitionTable()] = Field(default_factory=dict)
     """Name -> expression; each may use those that stand before it, and is evaluated once."""
+
+    def depending_on(self, names: Collection[str]) -> list[str]:
+        """Return the parameters that follow from those of these names, in order, without these themselves."""
+        found: set[str] = set()
+        for name, value in self.parameters.items():
+            if name not in names and parse(value).names & (found | set(names)):
+                found.add(name)
+        return [name for name in self.parameters if name in found]
 
     def parameter_values(self) -> dict[str, float]:
         """Return every parameter as a number, in the order of the document."""

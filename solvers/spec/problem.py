@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import cached_property
 from typing import Annotated, Any, Self
 
@@ -17,10 +16,10 @@ from solvers.spec.fields import (
     PathExpression,
     Text,
     Unsupported,
+    Window,
 )
 from solvers.spec.histories import HistoryTable, ResultNodes, TimeList
 from solvers.spec.models import FirstOrderModel, LibraryReference, MechanicalModel, SubmittedModel
-from solvers.spec.scope import Scope
 from solvers.spec.tables import MAX_UNIT, BoundTable, UnitTable
 from solvers.spec.values import FREE, BoundValue, Interval, Value, bound_interval, evaluate_constant
 
@@ -29,16 +28,6 @@ OutputName = Annotated[str, Text()]
 Constant = Annotated[Value, ExpressionIn("constant")]
 Ends = Annotated[dict[str, BoundValue], BoundTable("state", star=True)]
 History = list[Value] | dict[str, list[Value]]
-
-
-@dataclass(frozen=True)
-class WholeSpan(Unsupported):
-    """A window of normalised time; the whole of it, [0, 1], is what a constraint has anyway."""
-
-    def check(self, value: Any, scope: Scope) -> None:
-        """Refuse a part of the span."""
-        if value != [0, 1]:
-            super().check(value, scope)
 
 
 def _at_most(count: int, things: str) -> BeforeValidator:
@@ -52,11 +41,15 @@ def _at_most(count: int, things: str) -> BeforeValidator:
     return BeforeValidator(few)
 
 
+def _whole_span() -> list[Value]:
+    return [0, 1]
+
+
 AtMost = _at_most(1000, "constraints")
 
 
 class PathConstraint(SpecModel):
-    """An expression that stays within bounds along the whole trajectory."""
+    """An expression that stays within bounds along the trajectory, or a part of it."""
 
     name: Name = ""
     """A name for the result."""
@@ -64,8 +57,13 @@ class PathConstraint(SpecModel):
     """Expression in states, controls, parameters and t."""
     bounds: Bound
     """What its value must be or lie between."""
-    during: Annotated[None, WholeSpan("windows of path constraints are")] = None
-    """Part of the time span; not in this version."""
+    during: Annotated[list[Value], Window()] = Field(default_factory=_whole_span)
+    """The part of the time span in which it holds: start and end, counted from 0 at t0 to 1 at tf."""
+
+    def window(self, parameters: dict[str, float]) -> Interval:
+        """Return ``during`` as numbers."""
+        start, stop = (evaluate_constant(value, parameters) for value in self.during)
+        return start, stop
 
 
 class BoundaryConstraint(SpecModel):
@@ -74,9 +72,33 @@ class BoundaryConstraint(SpecModel):
     name: Name = ""
     """A name for the result."""
     expression: BoundaryExpression
-    """Expression in <state>_0, <state>_f, <control>_0, <control>_f, parameters, t0 and tf."""
+    """Expression in <state>_0, <state>_f, likewise of controls, <output>_f, integrals, parameters, t0, tf."""
     bounds: Bound
     """What its value must be or lie between."""
+
+    def window(self, parameters: dict[str, float]) -> Interval:
+        """Return the whole span: the ends belong to it."""
+        return 0.0, 1.0
+
+
+class Integral(SpecModel):
+    """The integral of an expression from t0 to tf; boundary constraints and terminal cost may name it."""
+
+    name: OutputName
+    """Its name in boundary constraints, in the terminal cost and in the result."""
+    expression: PathExpression
+    """Expression in states, controls, accelerations, parameters, definitions and t."""
+    bounds: Bound | None = None
+    """What its value must be or lie between; null is free."""
+
+
+class DesignSpec(SpecModel):
+    """A parameter of the model that is optimised too."""
+
+    bounds: Bound
+    """What its value must lie between."""
+    guess: Constant | None = None
+    """Where it starts; the model's own value where that is within the bounds."""
 
 
 class NamedOutput(SpecModel):
@@ -165,14 +187,14 @@ class ProblemSpec(SpecModel):
     """Name -> label of its unit."""
     control_rates: Annotated[None, Unsupported("bounds on control rates are")] = None
     """Control -> bound of its rate; not in this version."""
-    initial_control: Annotated[None, Unsupported("bounds on the initial control are")] = None
-    """Control -> bound at t0; not in this version."""
-    final_control: Annotated[None, Unsupported("bounds on the final control are")] = None
-    """Control -> bound at tf; not in this version."""
-    integrals: Annotated[None, Unsupported("integrals are")] = None
-    """Integrals over time with bounds; not in this version."""
-    design: Annotated[None, Unsupported("design parameters are")] = None
-    """Parameters that are optimised too; not in this version."""
+    initial_control: Annotated[dict[str, BoundValue], BoundTable("control")] = Field(default_factory=dict)
+    """Control -> bound at t0."""
+    final_control: Annotated[dict[str, BoundValue], BoundTable("control")] = Field(default_factory=dict)
+    """Control -> bound at tf."""
+    integrals: Annotated[list[Integral], _at_most(200, "integrals")] = Field(default_factory=list)
+    """Integrals over time, with bounds."""
+    design: dict[str, DesignSpec] = Field(default_factory=dict)
+    """Parameter of the model -> its bounds; it is optimised too."""
     outputs: Annotated[list[NamedOutput], _at_most(200, "outputs")] = Field(default_factory=list)
     """Expressions that are sampled and drawn with states and controls."""
     data: Annotated[None, Unsupported("data tables are")] = None

@@ -51,6 +51,8 @@ class Scope:
     definition_sizes: dict[str, int] = field(default_factory=dict)
     output_names: frozenset[str] = frozenset()
     model_names: frozenset[str] = frozenset()
+    designed: frozenset[str] = frozenset()
+    integral_names: frozenset[str] = frozenset()
     path_names: frozenset[str] = frozenset()
     boundary_names: frozenset[str] = frozenset()
     rate_names: frozenset[str] = frozenset()
@@ -66,7 +68,7 @@ class Scope:
     def names(self, place: str) -> frozenset[str]:
         """Return the names that an expression at ``place`` (constant, model, path or boundary) may use."""
         if place == "constant":
-            return self.parameter_names
+            return self.parameter_names - self.designed if self.designed else self.parameter_names
         if place == "path":
             return self.path_names
         return self.boundary_names if place == "boundary" else self.model_names
@@ -110,6 +112,7 @@ def read_model(scope: Scope) -> None:
     table = mapping(model.get("parameters"))
     scope.parameter_names = frozenset(table)
     _read_parameters(scope, table)
+    scope.designed = _designed(table, mapping(scope.problem.get("design")))
     kind = model.get("kind")
     if kind == "mechanical":
         coordinates = _name_list(model.get("coordinates"))
@@ -126,20 +129,31 @@ def read_model(scope: Scope) -> None:
 
 
 def _read_names(scope: Scope) -> None:
-    # What is refused as unsupported at its own key still counts as a name, lest it be reported twice.
-    asked = set(mapping(scope.problem.get("design")))
     definitions = _read_definitions(scope) | scope.computed_names
     accelerations = frozenset(f"{q}_ddot" for q in scope.coordinates)
     ends = {f"{name}{end}" for name in scope.states + scope.controls for end in ("_0", "_f")}
-    ends |= set(_named(scope.problem.get("integrals")))
+    scope.integral_names = frozenset(_named(scope.problem.get("integrals")))
     outputs = _named(scope.problem.get("outputs"))
     outputs += [VIBRATION_ENERGY] if scope.model.get("flexible") else []
     ends |= {f"{name}_f" for name in outputs}
     scope.output_names = frozenset(outputs)
     scope.rate_names = accelerations.union(f"{u}_dot" for u in scope.controls)
-    scope.model_names = scope.parameter_names.union(scope.states, scope.controls, ("t",), definitions, asked)
+    scope.model_names = scope.parameter_names.union(scope.states, scope.controls, ("t",), definitions)
     scope.path_names = scope.model_names.union(accelerations)
-    scope.boundary_names = scope.parameter_names.union(ends, ("t0", "tf"), asked)
+    scope.boundary_names = scope.parameter_names.union(ends, ("t0", "tf"), scope.integral_names)
+
+
+def _designed(table: Mapping[str, Any], design: Collection[str]) -> frozenset[str]:
+    """Return the parameters that are optimised, and those that follow from them."""
+    found = {name for name in design if name in table}
+    for name, value in table.items() if found else ():
+        try:
+            follows = bool(parse(value).names & found)
+        except (ExpressionError, TypeError):
+            follows = False  # reported where it stands
+        if follows:
+            found.add(name)
+    return frozenset(found)
 
 
 def _read_definitions(scope: Scope) -> set[str]:

@@ -187,7 +187,9 @@ class BoundTable(Check):
     def check(self, value: Any, scope: Scope) -> dict[str, Any]:
         """Return the table as submitted."""
         table, flaws = object_of(value), Flaws()
-        names = scope.states if self.what == "state" else scope.states + scope.controls
+        names = {"state": scope.states, "control": scope.controls}.get(
+            self.what, scope.states + scope.controls
+        )
         for name, bound in table.items():
             if scope.known and name not in names and not (self.star and name == "*"):
                 flaws.add(self._unknown(name, names, scope), name)
@@ -197,6 +199,8 @@ class BoundTable(Check):
         return table
 
     def _unknown(self, name: str, names: tuple[str, ...], scope: Scope) -> str:
+        if self.what == "control" and name in scope.states:
+            return f"{quoted(name)} is a state; its ends are in initial_state and final_state"
         if name in scope.controls:
             return f"{quoted(name)} is a control; only states have values at the ends"
         return unknown_key(name, self.what, names, scope)

@@ -17,7 +17,9 @@ from solvers.spec.methods import METHODS, SplineAdaptivity
 from solvers.spec.models import FirstOrderModel, LibraryReference, MechanicalModel
 from solvers.spec.problem import (
     BoundaryConstraint,
+    DesignSpec,
     Guess,
+    Integral,
     NamedOutput,
     Objective,
     PathConstraint,
@@ -39,6 +41,8 @@ _OBJECTS: dict[str, type[SpecModel]] = {
     "boundary_constraints": BoundaryConstraint,
     "objective": Objective,
     "outputs": NamedOutput,
+    "integrals": Integral,
+    "design": DesignSpec,
     "guess": Guess,
     "options": Options,
     "verification": Verification,

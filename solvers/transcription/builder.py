@@ -106,6 +106,8 @@ class ProgramBuilder:
         self.blocks[name] = [
             range(self.size + i * length, self.size + (i + 1) * length) for i in range(count)
         ]
+        if not count:
+            return
         scales = np.broadcast_to(np.asarray(scale, np.float64), (count,))
         self._unknowns.append(_Unknowns(self.size, shape, np.repeat(scales, length), initial, bounds))
         self.size += count * length

@@ -93,12 +93,13 @@ class DaubechiesControls(HermiteSimpson):
         """See :class:`HermiteSimpson`."""
         return describe_daubechies(self.basis, self.level)
 
-    def _add_running_cost(self) -> None:
+    def add_running_cost(self) -> None:
+        """Energies from the coefficients, other costs by the quadrature of the nodes."""
         running = self.problem.running_cost
         if running is not None and self._is_quadratic(running):
             self._add_energy(running)
         else:
-            super()._add_running_cost()
+            super().add_running_cost()
 
     def _is_quadratic(self, cost: Expression) -> bool:
         """Whether a cost is a polynomial of second degree in the controls and names nothing else."""

@@ -114,7 +114,8 @@ class HermiteSimpson(Transcription):
         controls = np.array([curve(self.knots) for curve in curves]).reshape(-1, self.knots.size)
         times = t0 + (tf - t0) * self.knots
         with np.errstate(all="ignore"):  # the last iterate of a failed solve may have no finite rate
-            rate = problem.rate(states[:, ::2], controls, times, problem.parameters, NUMPY)
+            parameters = {**problem.parameters, **self.design(unknowns)}
+            rate = problem.rate(states[:, ::2], controls, times, parameters, NUMPY)
         slopes = (tf - t0) * np.array(np.broadcast_arrays(*rate, self.knots)[:-1])
         slopes[~np.isfinite(slopes)] = 0.0
         return Trajectory(

@@ -7,7 +7,7 @@ Bryson, Denham, Dreyfus, "Optimal programming problems with inequality constrain
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -44,20 +44,21 @@ class LimitRates:
         return [self.values[order](*[ca.vertcat(*column) for column in columns]) for order in orders]
 
     def along(
-        self, problem: OptimalControlProblem, states: Vector, controls: Vector, times: Vector
+        self, parameters: Mapping[str, float], states: Vector, controls: Vector, times: Vector
     ) -> Vector:
         """The derivatives of orders 0 to q at K instants, (q + 1, K)."""
-        parameters = np.tile(np.array([[value] for value in problem.parameters.values()]), times.size)
-        numbers = (states, controls, times[None, :], parameters.reshape(-1, times.size))
+        columns = np.tile(np.array([[value] for value in parameters.values()]), times.size)
+        numbers = (states, controls, times[None, :], columns.reshape(-1, times.size))
         return np.vstack([np.broadcast_to(value(*numbers).full(), (1, times.size)) for value in self.values])
 
 
 def limit_rates(problem: OptimalControlProblem, limit: Limit) -> LimitRates | None:
     """Differentiate the expression of a limit until a control appears; None where none ever does."""
     x, u = ca.SX.sym("x", len(problem.states)), ca.SX.sym("u", len(problem.controls))
-    t, p = ca.SX.sym("t"), ca.SX.sym("p", len(problem.parameters))
+    names = [*problem.parameters, *(item.name for item in problem.design)]
+    t, p = ca.SX.sym("t"), ca.SX.sym("p", len(names))
     states, controls = ca.vertsplit(x), ca.vertsplit(u)
-    parameters = dict(zip(problem.parameters, ca.vertsplit(p), strict=True))
+    parameters = dict(zip(names, ca.vertsplit(p), strict=True))
     rate = ca.vertcat(*[ca.SX(value) for value in problem.rate(states, controls, t, parameters, CASADI)])
     scope = problem.scope(states, controls, t, parameters, CASADI)
     value = ca.SX(limit.expression.evaluate(scope, CASADI.functions))

@@ -39,7 +39,7 @@ from solvers.bases.legendre import legendre_gauss
 from solvers.coefficients import SPLINE_WAVELET
 from solvers.costates import second_order_costates
 from solvers.curves import Curve, DerivativeCurve, LinearCurve, SplineCurve
-from solvers.problem import Interval
+from solvers.quantities import Interval
 from solvers.scaling import nearest_power_of_two
 from solvers.symbolic import CASADI
 from solvers.trajectory import Trajectory
@@ -68,7 +68,7 @@ class SplineWavelet(Transcription):
         self._smooth_controls = (
             self.adaptive
             and not self._second_order
-            and self.problem.running_cost is not None
+            and (self.problem.running_cost is not None or bool(self.problem.integrals))
             and not np.isfinite(self.problem.control_bounds).any()
         )
 
@@ -225,7 +225,8 @@ class SplineWavelet(Transcription):
         if not self._second_order:
             return self.space.dual_values(weights, 1).T
         weights = weights / trajectory.duration
-        return second_order_costates(self.problem, trajectory, weights, self.space)
+        problem = self.weighted_problem(row_multipliers)
+        return second_order_costates(problem, trajectory, weights, self.space)
 
     @cached_property
     def _at_points(self) -> Instants:
@@ -257,7 +258,11 @@ class SplineWavelet(Transcription):
         problem, guess = self.problem, self.problem.guess
         start = np.zeros(1)
         scope = problem.scope(
-            guess.states_at(start)[:, 0], guess.controls_at(start)[:, 0], guess.t0, problem.parameters, NUMPY
+            guess.states_at(start)[:, 0],
+            guess.controls_at(start)[:, 0],
+            guess.t0,
+            {**problem.parameters, **guess.design},
+            NUMPY,
         )
         none = np.zeros(self._splines)
         still = np.array(problem.dynamics.residual(none, scope, NUMPY), np.float64)

@@ -43,6 +43,16 @@ def with_everything(document: dict[str, Any]) -> dict[str, Any]:
     problem["boundary_constraints"] = [{"expression": "theta_0*theta_f + tf*T_f", "bounds": [None, 7]}]
     problem["bounds"] |= {"alpha_dot": [-0.5, 0.4], "theta": [-2, 3]}
     problem["initial_time"] = [0, 2]
+    problem["model"]["definitions"] = {"c": "cos(alpha)", "w": "c*k*theta_dot"}
+    problem["model"]["force"] = ["w*alpha", 0]
+    problem["design"] = {"R": {"bounds": [1, 4]}, "L": {"bounds": [2, 6]}}
+    problem["outputs"] = [{"name": "push", "expression": "alpha_ddot*T"}]
+    problem["integrals"] = [
+        {"name": "work", "expression": "T*theta_dot*R", "bounds": [None, 9]},
+        {"name": "flow", "expression": "w + t*alpha_ddot"},
+    ]
+    problem["path_constraints"].append({"expression": "theta_ddot*R", "bounds": [-5, 5], "during": [0.3, 1]})
+    problem["objective"]["terminal"] += " + work*flow*L + push_f"
     return document
 
 

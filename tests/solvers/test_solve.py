@@ -129,7 +129,11 @@ def test_the_size_told_in_advance_is_the_size_of_the_program(
     problem["initial_time"] = [0, 2]
     problem["bounds"] |= {"theta": [-1, 1], "alpha_dot": [-0.5, None], "theta_dot": [-1, 1]}
     problem["path_constraints"] = [{"expression": "alpha + T", "bounds": [-9, 9]}]
+    problem["path_constraints"].append({"expression": "theta", "bounds": [-9, 9], "during": [0.25, 0.7]})
     problem["boundary_constraints"] = [{"expression": "theta_f - theta_0", "bounds": [0, 2]}]
+    problem["integrals"] = [{"name": "work", "expression": "T*theta_dot"}]
+    problem["design"] = {"k": {"bounds": [90, 110]}}
+    problem["initial_control"] = {"T": [-1, 1]}
     spec = check_document({**flexible_spacecraft, "method": method})
     size, solution = problem_size(spec), solve(spec)
     assert (size.variables, size.constraints) == (

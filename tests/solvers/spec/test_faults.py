@@ -338,16 +338,11 @@ UNSUPPORTED: list[tuple[dict[str, Any], str]] = [
     ({"/method": {"name": "piecewise"}}, "/method/name"),
     ({f"{MODEL}/kind": "modal"}, f"{MODEL}/kind"),
     ({"/problem/control_rates": {"T": [-1, 1]}}, "/problem/control_rates"),
-    ({"/problem/initial_control": {"T": 0}}, "/problem/initial_control"),
-    ({"/problem/final_control": {"T": 0}}, "/problem/final_control"),
     (
-        {
-            "/problem/integrals": [{"name": "impulse", "expression": "abs(T)", "bounds": [None, 40]}],
-            "/problem/objective/terminal": "tf + impulse",
-        },
-        "/problem/integrals",
+        {"/problem/initial_control": {"T": 0}, "/method/refine": "switching"},
+        "/problem/initial_control",
     ),
-    ({"/problem/design": {"R": {"bounds": [1, 4]}}}, "/problem/design"),
+    ({"/problem/final_control": {"T": 0}, "/method/refine": "switching"}, "/problem/final_control"),
     ({"/problem/data": {"Td": {"x": [0, 1], "values": [0, 1]}}}, "/problem/data"),
     ({"/problem/scenarios": {"cases": [{"name": "soft"}]}}, "/problem/scenarios"),
     ({"/problem/phases": [{}]}, "/problem/phases"),
@@ -358,7 +353,10 @@ UNSUPPORTED: list[tuple[dict[str, Any], str]] = [
         "/problem/path_constraints/0/expression",
     ),
     (
-        {"/problem/path_constraints": [{"expression": "T", "bounds": 0, "during": [0, 0.5]}]},
+        {
+            "/problem/path_constraints": [{"expression": "T", "bounds": 0, "during": [0, 0.5]}],
+            "/method/refine": "switching",
+        },
         "/problem/path_constraints/0/during",
     ),
     ({"/output/command": {"period": 0.1}}, "/output/command"),

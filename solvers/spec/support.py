@@ -1,0 +1,29 @@
+"""What the methods of this version do not do with a problem: refused at the pointer of the key."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+from solvers.spec.faults import Flaws, Path
+from solvers.spec.scope import Scope, mapping
+
+
+def check_support(scope: Scope, flaws: Flaws) -> None:
+    """Note every key that the method of the document cannot work with."""
+    method = mapping(scope.document.get("method"))
+    if method.get("refine") == "switching":
+        for place, what in not_refined(scope.problem):
+            detail = f"unsupported: {what} with refine 'switching' is not in this version"
+            flaws.add(detail, "problem", *place, type="unsupported")
+
+
+def not_refined(problem: dict[str, Any]) -> Iterator[tuple[Path, str]]:
+    """Yield what switching refinement cannot work with: place below the problem, and what it is."""
+    constraints = problem.get("path_constraints")
+    for index, item in enumerate(constraints if isinstance(constraints, list) else ()):
+        if mapping(item).get("during", [0, 1]) != [0, 1]:
+            yield ("path_constraints", index, "during"), "a window of a path constraint"
+    for key in ("initial_control", "final_control"):
+        if mapping(problem.get(key)):
+            yield (key,), "a bound on a control at an end"
