@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -111,7 +112,11 @@ def _wavelets(basis: Mapping[str, Any]) -> SplineWaveletBasis | GradedWavelets:
     """All wavelets below level J, or those that ``active`` lists, by level."""
     if "active" in basis:
         return GradedWavelets(GradedKnots.from_active(basis["L"], basis["active"]))
-    return SplineWaveletBasis(basis["L"], basis["J"])
+    return _uniform_wavelets(basis["L"], basis["J"])
+
+
+# Its transforms are matrices, made once.
+_uniform_wavelets = lru_cache(maxsize=8)(SplineWaveletBasis)
 
 
 def gauss_nodes(breaks: Vector, counts: Sequence[int]) -> Vector:

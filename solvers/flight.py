@@ -30,6 +30,9 @@ INSIDE = np.array([0.25, 0.5, 0.75, 1.0])
 """Where on an arc states are compared: parts of its length."""
 _NEWTON_STEPS = 12
 _NEWTON_DONE = 1e-7
+_SLOPES_KEPT_BELOW = 0.1
+# Most arcs are crossed in two steps; the first step that SciPy chooses by itself is far shorter.
+_FIRST_STEP = 0.5
 _SAMPLES_PER_ARC = 16
 _TOUCHING = 1e-9
 _BISECTIONS = 45
@@ -113,6 +116,7 @@ class ControlledModel:
             start.ravel(),
             method="DOP853",
             t_eval=INSIDE,
+            first_step=_FIRST_STEP,
             rtol=max(RTOL / np.sqrt(count), _SMALLEST_RTOL),
             atol=np.repeat(np.append(self._scale, np.ones(extra)) * RTOL / 10.0, count),
         )
@@ -158,17 +162,23 @@ class ControlledModel:
         Raises :class:`FlightError` as :meth:`integrate` does.
         """
         states = guess.copy()
+        largest = np.inf
         for _ in range(_NEWTON_STEPS):
             step = _accumulate(slopes, arcs.ends - states[:, 1:])
             states[:, 1:] += step
             if not np.isfinite(states).all():
                 break
-            if np.max(np.abs(step) / self._scale[:, None]) < _NEWTON_DONE:
-                # Newton's method squares the error: one more pass of the arcs closes the gaps to rounding.
+            before, largest = largest, float(np.max(np.abs(step) / self._scale[:, None]))
+            if largest < _NEWTON_DONE:
+                # The next step would be smaller by as much again: one pass closes the gaps to rounding.
                 arcs = self.integrate(states[:, :-1], np.arange(self.arcs))
                 states[:, 1:] += _accumulate(slopes, arcs.ends - states[:, 1:])
                 return Flight(states, arcs.integrals.sum(axis=1))
-            slopes, arcs = self.linearised(states[:, :-1])
+            # Slopes cost n + 1 passes of the arcs: old ones will do as long as they make steps much smaller.
+            if largest < _SLOPES_KEPT_BELOW * min(before, 1.0):
+                arcs = self.integrate(states[:, :-1], np.arange(self.arcs))
+            else:
+                slopes, arcs = self.linearised(states[:, :-1])
         return self._march(guess[:, 0])
 
     def _march(self, start: Vector) -> Flight:

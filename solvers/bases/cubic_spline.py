@@ -145,7 +145,12 @@ class CubicSplineSpace:
 
         ``values`` has shape (N,) or (N, m), in the ascending order of the points. One banded solve, O(N).
         """
-        return solve_banded_system(self.matrix(self.interpolation_points), self._checked(values))
+        return solve_banded_system(self._interpolation, self._checked(values))
+
+    @cached_property
+    def _interpolation(self) -> sparse.csr_array:
+        """Values at the points of :meth:`interpolate` from coefficients."""
+        return self.matrix(self.interpolation_points)
 
     def prolong(self, coefficients: ArrayLike, finer: CubicSplineSpace) -> Array:
         """Coefficients of the same functions in the ``finer`` space, whose knots contain these. O(N).
