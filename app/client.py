@@ -3,8 +3,8 @@
     with Client("http://127.0.0.1:8000") as client:
         result = client.solve(document)
 
-What can be asked, with its arguments, stands once in `app.client_calls`; the two classes list it and differ
-only in how they carry it out.
+What can be asked, with its arguments, stands once in `app.client_calls` and `app.client_sweeps`; the two
+classes list it and differ only in how they carry it out.
 """
 
 from __future__ import annotations
@@ -19,6 +19,7 @@ from typing import Any, Concatenate, ParamSpec, Self, TypeVar, Unpack
 import httpx
 
 from app import client_calls as calls
+from app import client_sweeps as sweeps
 from app.client_answers import (
     ClientError,
     Job,
@@ -27,6 +28,7 @@ from app.client_answers import (
     JobProgress,
     RequestRefused,
     ServerUnreachable,
+    SweepTimeout,
     WaitTimeout,
 )
 from app.client_calls import Call, Outcome, Steps
@@ -43,6 +45,7 @@ __all__ = [
     "JobProgress",
     "RequestRefused",
     "ServerUnreachable",
+    "SweepTimeout",
     "WaitTimeout",
 ]
 
@@ -135,6 +138,12 @@ class Client:
     delete = _synchronous(calls.delete)
     cases = _synchronous(calls.cases)
     case = _synchronous(calls.case)
+    sweep = _synchronous(sweeps.sweep)
+    submit_sweep = _synchronous(sweeps.submit_sweep)
+    read_sweep = _synchronous(sweeps.read_sweep)
+    wait_for_sweep = _synchronous(sweeps.wait_for_sweep)
+    export_sweep = _synchronous(sweeps.export_sweep)
+    cancel_sweep = _synchronous(sweeps.cancel_sweep)
 
     def jobs(self, **filters: Unpack[JobFilters]) -> Iterator[Job]:
         """Iterate over all jobs that match, newest first, page after page of ``limit``."""
@@ -222,6 +231,12 @@ class AsyncClient:
     delete = _asynchronous(calls.delete)
     cases = _asynchronous(calls.cases)
     case = _asynchronous(calls.case)
+    sweep = _asynchronous(sweeps.sweep)
+    submit_sweep = _asynchronous(sweeps.submit_sweep)
+    read_sweep = _asynchronous(sweeps.read_sweep)
+    wait_for_sweep = _asynchronous(sweeps.wait_for_sweep)
+    export_sweep = _asynchronous(sweeps.export_sweep)
+    cancel_sweep = _asynchronous(sweeps.cancel_sweep)
 
     async def events(self, job_id: str, *, after: str | None = None) -> AsyncIterator[Event]:
         """Iterate over what happens to a job, as `Client.events`."""

@@ -33,6 +33,7 @@ class Job(TypedDict):
     error: dict[str, Any] | None
     attempts: int
     cancel_requested: bool
+    sweep: str | None
     links: dict[str, str]
 
 
@@ -85,3 +86,12 @@ class WaitTimeout(ClientError):
     def __init__(self, job: Job) -> None:
         self.job = job
         super().__init__(f"job {job['id']} is still {job['status']}")
+
+
+class SweepTimeout(ClientError):
+    """Not all jobs of a sweep had ended in time; ``sweep`` is its last reading, without its table."""
+
+    def __init__(self, sweep: dict[str, Any]) -> None:
+        self.sweep = sweep
+        left = sweep["counts"]["queued"] + sweep["counts"]["running"]
+        super().__init__(f"sweep {sweep['id']} is still {sweep['status']}: {left} of its jobs have not ended")

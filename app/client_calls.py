@@ -124,17 +124,17 @@ def ask(call: Call[T]) -> Steps[T]:
 def submit(document: Document, *, idempotency_key: str | None = None) -> Call[Job]:
     """Queue a job document and return the job."""
     key = idempotency_key or uuid.uuid4().hex
-    return Call("POST", "/v1/jobs", _json, json=document, headers={"Idempotency-Key": key})
+    return Call("POST", "/v1/jobs", read_json, json=document, headers={"Idempotency-Key": key})
 
 
 def validate(document: Document) -> Call[dict[str, Any]]:
     """Check a document without queueing it; returns sizes and a time estimate."""
-    return Call("POST", "/v1/validate", _json, json=document)
+    return Call("POST", "/v1/validate", read_json, json=document)
 
 
 def job(job_id: str) -> Call[Job]:
     """Read a job."""
-    return Call("GET", _of(job_id), _json)
+    return Call("GET", _of(job_id), read_json)
 
 
 def wait(
@@ -153,7 +153,9 @@ def wait(
     poll = LONG_POLL if on_progress is None else every
     while True:
         left = poll if deadline is None else max(min(poll, deadline - time.monotonic()), 0.0)
-        poll_once: Call[Job] = Call("GET", _of(job_id), _json, params={"wait": round(left, 3)}, seconds=left)
+        poll_once: Call[Job] = Call(
+            "GET", _of(job_id), read_json, params={"wait": round(left, 3)}, seconds=left
+        )
         current = yield from ask(poll_once)
         if on_progress is not None:
             on_progress(current)
@@ -186,12 +188,12 @@ def solve(
 
 def result(job_id: str) -> Call[dict[str, Any]]:
     """Read the result of a final job."""
-    return Call("GET", _of(job_id, "/result"), _json, headers={"Accept": "application/json"})
+    return Call("GET", _of(job_id, "/result"), read_json, headers={"Accept": "application/json"})
 
 
 def export(job_id: str, kind: Literal["csv", "npz", "mat"]) -> Call[bytes]:
     """Read the result as a file: the sampled trajectory as CSV, or everything as NPZ or MAT."""
-    return Call("GET", _of(job_id, "/result"), _bytes, params={"format": kind})
+    return Call("GET", _of(job_id, "/result"), read_bytes, params={"format": kind})
 
 
 def trajectory(
@@ -210,22 +212,22 @@ def trajectory(
         params["t"] = ",".join(repr(float(instant)) for instant in times)
     if step is not None:
         params["dt"] = step
-    return Call("GET", _of(job_id, "/trajectory"), _json, params=params)
+    return Call("GET", _of(job_id, "/trajectory"), read_json, params=params)
 
 
 def plot(job_id: str, kind: Literal["svg", "png"] = "svg") -> Call[bytes]:
     """Draw states and controls over time."""
-    return Call("GET", _of(job_id, f"/plot.{kind}"), _bytes)
+    return Call("GET", _of(job_id, f"/plot.{kind}"), read_bytes)
 
 
 def spec(job_id: str) -> Call[dict[str, Any]]:
     """Read the document as it was submitted."""
-    return Call("GET", _of(job_id, "/spec"), _json)
+    return Call("GET", _of(job_id, "/spec"), read_json)
 
 
 def cancel(job_id: str) -> Call[Job]:
     """Ask that a job be stopped."""
-    return Call("POST", _of(job_id, "/cancel"), _json)
+    return Call("POST", _of(job_id, "/cancel"), read_json)
 
 
 def delete(job_id: str) -> Call[None]:
@@ -252,18 +254,20 @@ def cases() -> Call[list[dict[str, Any]]]:
 
 def case(name: str) -> Call[dict[str, Any]]:
     """Read the job document of a case."""
-    return Call("GET", f"/v1/cases/{quote(name, safe='')}", _json)
+    return Call("GET", f"/v1/cases/{quote(name, safe='')}", read_json)
 
 
 def _of(job_id: str, part: str = "") -> str:
     return f"/v1/jobs/{quote(job_id, safe='')}{part}"
 
 
-def _json(response: httpx.Response) -> Any:
+def read_json(response: httpx.Response) -> Any:
+    """Read an answer that is JSON."""
     return response.json()
 
 
-def _bytes(response: httpx.Response) -> bytes:
+def read_bytes(response: httpx.Response) -> bytes:
+    """Read an answer that is a file."""
     return response.content
 
 

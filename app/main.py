@@ -10,7 +10,7 @@ from fastapi import FastAPI
 
 from app import errors, openapi
 from app.middleware import BodyLimit, HostGuard, RequestContext
-from app.routes import catalogue, events, health, jobs, pages, results
+from app.routes import catalogue, events, health, jobs, pages, results, sweeps
 from app.service import Service
 from app.settings import Settings
 from app.upkeep import upkeep
@@ -42,7 +42,7 @@ def create_app(settings: Settings | None = None) -> FastAPI:
         redirect_slashes=False,
     )
     app.state.service = service
-    for group in (jobs, events, results, catalogue, health, pages):
+    for group in (jobs, events, results, sweeps, catalogue, health, pages):
         app.include_router(group.router)
     errors.install(app)
     openapi.install(app)

@@ -10,6 +10,7 @@ from fastapi.openapi.utils import get_openapi
 from app.errors import PROBLEM_JSON
 from app.problems import PROBLEMS
 from solvers.spec import job_schema
+from solvers.spec.sweep import MAX_POINTS
 
 _DEFINITIONS = "#/$defs/"
 _SCHEMAS = "#/components/schemas/"
@@ -21,6 +22,52 @@ DOCUMENT_BODY: dict[str, Any] = {
     }
 }
 """What a route that reads a job document adds to its description."""
+
+SWEEP_BODY: dict[str, Any] = {
+    "requestBody": {
+        "required": True,
+        "content": {
+            "application/json": {
+                "schema": {
+                    "type": "object",
+                    "required": ["document", "grid"],
+                    "additionalProperties": False,
+                    "properties": {
+                        "document": {"$ref": f"{_SCHEMAS}JobDocument"},
+                        "grid": {
+                            "type": "object",
+                            "description": "JSON pointers into the document, with the values there.",
+                            "minProperties": 1,
+                            "additionalProperties": {
+                                "anyOf": [
+                                    {"type": "array", "minItems": 1, "maxItems": MAX_POINTS},
+                                    {"$ref": f"{_SCHEMAS}SweepRange"},
+                                ]
+                            },
+                        },
+                        "zip": {"type": "boolean", "default": False},
+                    },
+                }
+            }
+        },
+    }
+}
+"""What the route that reads a sweep adds to its description."""
+
+_NUMBER = {"anyOf": [{"type": "number"}, {"type": "string"}]}
+_RANGE_SCHEMA: dict[str, Any] = {
+    "type": "object",
+    "title": "Range",
+    "description": "Values from an end to the other, equally spaced on a linear or logarithmic scale.",
+    "required": ["from", "to", "count"],
+    "additionalProperties": False,
+    "properties": {
+        "from": _NUMBER,
+        "to": _NUMBER,
+        "count": {"type": "integer", "minimum": 1, "maximum": MAX_POINTS},
+        "scale": {"enum": ["linear", "log"], "default": "linear"},
+    },
+}
 
 _PROBLEM_SCHEMA: dict[str, Any] = {
     "type": "object",
@@ -80,6 +127,7 @@ def _document(app: FastAPI) -> dict[str, Any]:
     schemas = document.setdefault("components", {}).setdefault("schemas", {})
     schemas.update(job.pop("$defs", {}))
     schemas["JobDocument"] = job
+    schemas["SweepRange"] = _RANGE_SCHEMA
     schemas["Problem"] = _PROBLEM_SCHEMA
     # The framework's own shape of a 422 is never sent.
     for name in ("HTTPValidationError", "ValidationError"):

@@ -27,6 +27,16 @@ class JobErrorView(BaseModel):
     detail: str
 
 
+class VerificationView(BaseModel):
+    """The scaled maxima of a verification, and whether every check of it passed."""
+
+    terminal_error: float | None
+    max_state_error: float | None
+    max_bound_violation: float | None
+    max_path_violation: float | None
+    passed: bool
+
+
 class JobLinks(BaseModel):
     """Where the parts of a job are."""
 
@@ -58,6 +68,7 @@ class JobView(BaseModel):
     cancel_requested: bool = Field(
         description="True from the moment at which a running job was asked to stop."
     )
+    sweep: str | None = Field(description="Id of the sweep that it is a point of.")
     links: JobLinks
 
     @classmethod
@@ -82,6 +93,7 @@ class JobView(BaseModel):
             else JobErrorView(type=error.type, title=error.title, detail=error.detail),
             attempts=record.attempts,
             cancel_requested=record.cancel_requested,
+            sweep=None if record.sweep is None else record.sweep.sweep,
             links=JobLinks(
                 self=here,
                 spec=f"{here}/spec",

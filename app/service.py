@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import time
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Annotated, cast
 
@@ -19,8 +20,9 @@ from worker.claims import Claims
 from worker.errors import JobGone, JobNotFound, QueueUnavailable
 from worker.queue import JobQueue, make_celery
 from worker.reconciler import Reconciler
-from worker.records import JobRecord, JobStatus, Priority, new_job_id
+from worker.records import JobRecord, JobStatus, Priority, SweepPlace, new_job_id
 from worker.store import JobStore, connect
+from worker.sweeps import SweepStore
 
 _LONGEST_RETRY = 300
 
@@ -31,6 +33,7 @@ class Service:
 
     settings: Settings
     store: JobStore
+    sweeps: SweepStore
     queue: JobQueue
     claims: Claims
     watch: StatusWatch
@@ -46,6 +49,7 @@ class Service:
         return cls(
             settings,
             store,
+            SweepStore(store, settings),
             queue,
             Claims(redis, settings),
             StatusWatch(store, settings),
@@ -64,35 +68,28 @@ class Service:
         Raises DocumentError, KeyReused, KeyInFlight, and QueueUnavailable, after which nothing is remembered.
         """
         spec, size = check(body)
-        self._find_start(spec)
-        now = time.time()
-        record = JobRecord(
-            id=new_job_id(now),
-            status=JobStatus.QUEUED,
-            method=spec.method.name,
-            max_seconds=float(spec.options.max_seconds),
-            created_at=now,
-            estimate=min(size.seconds, float(spec.options.max_seconds)),
-            name=spec.name or None,
-            tags=tuple(spec.tags),
-            priority=Priority(spec.priority),
-            deadline_at=None if spec.deadline_seconds is None else now + spec.deadline_seconds,
-        )
+        self.find_start(spec)
+        record = new_record(spec, size)
+        job_id = self.once(key, body, record.id, lambda: self._queue(record, body))
+        return record if job_id == record.id else self.store.get(job_id)
+
+    def once(self, key: str | None, body: bytes, new_id: str, make: Callable[[], None]) -> str:
+        """Make something with ``new_id``, unless the client's ``key`` made it before; return its id."""
         if key is None:
-            self._queue(record, body)
-            return record
-        job_id = self.claims.take(key, body, record.id)
-        if job_id != record.id:
-            return self.store.get(job_id)
+            make()
+            return new_id
+        made = self.claims.take(key, body, new_id)
+        if made != new_id:
+            return made
         try:
-            self._queue(record, body)
+            make()
         except Exception:
             self.claims.release(key)
             raise
-        self.claims.settle(key, body, record.id)
-        return record
+        self.claims.settle(key, body, new_id)
+        return new_id
 
-    def _find_start(self, spec: JobSpec) -> None:
+    def find_start(self, spec: JobSpec) -> None:
         """Refuse a document that wants to start from a job that is unknown or has no result yet."""
         if spec.warm_start is None:
             return
@@ -134,6 +131,28 @@ class Service:
             detail = f"The job is {record.status}; its result can be read when its status is final."
             raise ServiceError("not-ready", detail, headers={"Retry-After": str(self.retry_after(record))})
         raise ServiceError("no-result", f"The job {record.status} without any iterate, so it has no result.")
+
+
+def new_record(spec: JobSpec, size: ProblemSize, sweep: SweepPlace | None = None) -> JobRecord:
+    """Return the record of a new job for a checked document.
+
+    A point of a sweep lets single jobs go first, unless its document says how urgent it is.
+    """
+    now = time.time()
+    patient = sweep is not None and "priority" not in spec.model_fields_set
+    return JobRecord(
+        id=new_job_id(now),
+        status=JobStatus.QUEUED,
+        method=spec.method.name,
+        max_seconds=float(spec.options.max_seconds),
+        created_at=now,
+        estimate=min(size.seconds, float(spec.options.max_seconds)),
+        name=spec.name or None,
+        tags=tuple(spec.tags),
+        priority=Priority.LOW if patient else Priority(spec.priority),
+        deadline_at=None if spec.deadline_seconds is None else now + spec.deadline_seconds,
+        sweep=sweep,
+    )
 
 
 def check(body: bytes) -> tuple[JobSpec, ProblemSize]:

@@ -6,7 +6,8 @@ import asyncio
 import contextlib
 import logging
 from collections import defaultdict
-from collections.abc import AsyncIterator, Iterator
+from collections.abc import AsyncIterator, Callable, Iterator
+from typing import TypeVar
 
 from fastapi.concurrency import run_in_threadpool
 from redis.asyncio import Redis
@@ -19,6 +20,8 @@ from worker.settings import QueueSettings
 from worker.store import JobStore
 
 logger = logging.getLogger(__name__)
+
+T = TypeVar("T")
 
 RECHECK = 2.0
 """Longest time between two looks at a job that is waited for, should a message be lost, in seconds."""
@@ -57,15 +60,24 @@ class StatusWatch:
 
     async def final(self, job_id: str, seconds: float) -> JobRecord:
         """Return the job when its status is final, or as it is after ``seconds``."""
+        return await self.until(
+            job_id, lambda: self._store.get(job_id), lambda record: record.status.final, seconds
+        )
+
+    async def until(self, named: str, look: Callable[[], T], done: Callable[[T], bool], seconds: float) -> T:
+        """Return what ``look`` sees when it is ``done``, or after ``seconds``.
+
+        It looks again when the status of the job or sweep ``named`` changes.
+        """
         clock = asyncio.get_running_loop().time
         deadline = clock() + seconds
-        with self._woken(f"{job_id} status") as event:
+        with self._woken(f"{named} status") as event:
             while True:
                 event.clear()
-                record = await run_in_threadpool(self._store.get, job_id)
+                seen = await run_in_threadpool(look)
                 left = deadline - clock()
-                if record.status.final or left <= 0:
-                    return record
+                if done(seen) or left <= 0:
+                    return seen
                 with contextlib.suppress(TimeoutError):
                     async with asyncio.timeout(min(left, RECHECK)):
                         await event.wait()

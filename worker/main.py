@@ -34,9 +34,11 @@ def run(
     from worker.consumer import PromptConsumer
     from worker.heartbeat import heartbeat
     from worker.leases import leases
+    from worker.neighbours import Neighbours
     from worker.queue import JobQueue, make_celery
     from worker.shutdown import PatientWorker
     from worker.store import JobStore, connect
+    from worker.sweeps import SweepStore
     from worker.tasks import Limits, SolveTask
 
     celery = make_celery(settings)
@@ -47,7 +49,7 @@ def run(
     )
     store = JobStore(connect(settings, retries=10), settings)
     limits = Limits(round(settings.result_mib * 2**20), settings.grace_seconds, settings.outage_seconds)
-    celery.register_task(SolveTask(store, limits))
+    celery.register_task(SolveTask(store, limits, Neighbours(store, SweepStore(store, settings))))
     queue = JobQueue(celery, connect(settings), settings)
     steps = celery.steps["consumer"]
     steps.add(heartbeat(queue, slots, settings.heartbeat_seconds))

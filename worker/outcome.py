@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import json
 import logging
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from solvers.errors import DocumentError
 from solvers.status import SolveStatus
 from worker.records import FailureType, JobError, JobStatus
 from worker.store import compress
+from worker.sweeps import figures_of
 
 if TYPE_CHECKING:
     from solvers.solution import Solution
@@ -20,11 +22,12 @@ logger = logging.getLogger(__name__)
 
 @dataclass(frozen=True, slots=True)
 class Outcome:
-    """The end of a job: its final status, why it failed, and its compressed result."""
+    """The end of a job: its final status, why it failed, its compressed result and the figures of it."""
 
     status: JobStatus
     error: JobError | None = None
     result: bytes | None = None
+    figures: Mapping[str, Any] | None = None
 
 
 def _title(status: SolveStatus) -> str:
@@ -48,7 +51,9 @@ ABORTED = JobError(
 
 def of_solution(solution: Solution, job_id: str, limit: int) -> Outcome:
     """Return the end of a job that was solved; a compressed result over ``limit`` bytes fails it."""
-    result = compress(json.dumps(solution.result(job_id), allow_nan=False, separators=(",", ":")).encode())
+    members = solution.result(job_id)
+    figures = figures_of(members)
+    result = compress(json.dumps(members, allow_nan=False, separators=(",", ":")).encode())
     if len(result) > limit:
         detail = (
             f"The compressed result has {len(result) / 2**20:.3g} MiB, the limit is {limit / 2**20:.3g} MiB. "
@@ -56,11 +61,11 @@ def of_solution(solution: Solution, job_id: str, limit: int) -> Outcome:
         )
         return _failure(FailureType.INTERNAL, "The result is too large to be kept.", detail)
     if solution.status is SolveStatus.CONVERGED:
-        return Outcome(JobStatus.SUCCEEDED, result=result)
+        return Outcome(JobStatus.SUCCEEDED, result=result, figures=figures)
     if solution.status is SolveStatus.CANCELLED:
-        return Outcome(JobStatus.CANCELLED, result=result)
+        return Outcome(JobStatus.CANCELLED, result=result, figures=figures)
     error = JobError(FailureType(solution.status.value), _title(solution.status), solution.message)
-    return Outcome(JobStatus.FAILED, error, result)
+    return Outcome(JobStatus.FAILED, error, result, figures)
 
 
 def of_exception(error: Exception, job_id: str) -> Outcome:

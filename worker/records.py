@@ -87,6 +87,28 @@ class JobError:
 
 
 @dataclass(frozen=True, slots=True)
+class SweepPlace:
+    """Where a job stands in the sweep that it belongs to.
+
+    ``index`` counts the points of its table from 0; ``place`` are the coordinates of the point in [0, 1].
+    """
+
+    sweep: str
+    index: int
+    place: tuple[float, ...]
+
+    def to_json(self) -> str:
+        """Return the place as a JSON list."""
+        return json.dumps([self.sweep, self.index, self.place])
+
+    @classmethod
+    def from_json(cls, text: str) -> SweepPlace:
+        """Read what `to_json` wrote."""
+        sweep, index, place = json.loads(text)
+        return cls(sweep, index, tuple(place))
+
+
+@dataclass(frozen=True, slots=True)
 class JobRecord:
     """A job as it is remembered; times in seconds since 1970, UTC.
 
@@ -106,6 +128,7 @@ class JobRecord:
     tags: tuple[str, ...] = ()
     priority: Priority = Priority.NORMAL
     deadline_at: float | None = None
+    sweep: SweepPlace | None = None
     started_at: float | None = None
     finished_at: float | None = None
     progress: Mapping[str, Any] | None = None
@@ -133,6 +156,8 @@ class JobRecord:
             fields["name"] = self.name
         if self.deadline_at is not None:
             fields["deadline_at"] = repr(self.deadline_at)
+        if self.sweep is not None:
+            fields["sweep"] = self.sweep.to_json()
         return fields
 
     @classmethod
@@ -149,6 +174,7 @@ class JobRecord:
             tags=tuple(json.loads(fields["tags"])),
             priority=Priority(fields["priority"]),
             deadline_at=float(fields["deadline_at"]) if "deadline_at" in fields else None,
+            sweep=SweepPlace.from_json(fields["sweep"]) if "sweep" in fields else None,
             started_at=float(fields["started_at"]) if "started_at" in fields else None,
             finished_at=float(fields["finished_at"]) if "finished_at" in fields else None,
             progress=json.loads(fields["progress"]) if "progress" in fields else None,

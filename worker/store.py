@@ -11,13 +11,14 @@ import math
 import secrets
 import time
 import zlib
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict
 from enum import StrEnum
 from typing import Any, cast
 
 from redis import Redis
 from redis.backoff import ExponentialBackoff
+from redis.client import Pipeline
 from redis.retry import Retry
 
 from solvers.progress import ProgressReport
@@ -128,16 +129,20 @@ class JobStore:
 
     def add(self, record: JobRecord, document: bytes) -> None:
         """Remember a new job and its ``document``, the JSON text as it was submitted."""
-        job, body, *_ = self._keys(record.id)
         with self.redis.pipeline(transaction=True) as pipe:
-            pipe.hset(job, mapping=cast(Any, record.to_hash()))
-            pipe.set(body, zlib.compress(document, _COMPRESSION))
-            pipe.zadd(self._index, {record.id: 0})
-            pipe.zadd(self._queued[record.priority], {record.id: record.created_at})
-            if record.deadline_at is not None:
-                pipe.zadd(self._deadlines, {record.id: record.deadline_at})
-            pipe.xadd(self._stream(record.id), _first_event(record))
+            self.add_to(pipe, record, document)
             pipe.execute()
+
+    def add_to(self, pipe: Pipeline, record: JobRecord, document: bytes) -> None:
+        """Make what `add` does part of a transaction."""
+        job, body, *_ = self._keys(record.id)
+        pipe.hset(job, mapping=cast(Any, record.to_hash()))
+        pipe.set(body, zlib.compress(document, _COMPRESSION))
+        pipe.zadd(self._index, {record.id: 0})
+        pipe.zadd(self._queued[record.priority], {record.id: record.created_at})
+        if record.deadline_at is not None:
+            pipe.zadd(self._deadlines, {record.id: record.deadline_at})
+        pipe.xadd(self._stream(record.id), _first_event(record))
 
     def discard(self, job_id: str) -> None:
         """Forget a job that could not be queued, without a trace: its id was never told to anybody."""
@@ -158,6 +163,14 @@ class JobStore:
             return _record(fields)
         raise JobGone(job_id) if known else JobNotFound(job_id)
 
+    def statuses(self, job_ids: Sequence[str]) -> list[JobStatus | None]:
+        """Return the status of each job, None for one that is not remembered."""
+        with self.redis.pipeline(transaction=False) as pipe:
+            for job_id in job_ids:
+                pipe.hget(self._keys(job_id)[0], "status")
+            answers = pipe.execute() if job_ids else []
+        return [None if answer is None else JobStatus(answer.decode()) for answer in answers]
+
     def document(self, job_id: str) -> bytes:
         """Return the JSON text of a job's document as it was submitted."""
         packed = cast(bytes | None, self.redis.get(self._keys(job_id)[1]))
@@ -173,6 +186,12 @@ class JobStore:
             self.get(job_id)
             return None
         return zlib.decompress(packed)
+
+    def results(self, job_ids: Sequence[str]) -> Iterator[bytes | None]:
+        """Iterate over the JSON texts of results, None for a job that has none or is not remembered."""
+        for job_id in job_ids:
+            packed = cast(bytes | None, self.redis.get(self._keys(job_id)[2]))
+            yield None if packed is None else zlib.decompress(packed)
 
     def events(self, job_id: str, after: str = FIRST) -> list[JobEvent]:
         """Return what happened to a job behind the event ``after``, oldest first; some 1,000 are kept."""

@@ -19,15 +19,21 @@ from redis.exceptions import RedisError
 
 from solvers.solve import solve
 from solvers.spec import JobSpec, check_document, parse_document
+from solvers.status import SolveStatus
 from solvers.trajectory import Trajectory
 from worker import outcome
 from worker.errors import JobGone, JobNotFound
+from worker.neighbours import Neighbours
 from worker.patience import patiently, process_limit
 from worker.progress import StoreProgress
 from worker.queue import SOLVE_TASK
+from worker.records import SweepPlace
 from worker.store import JobStore, new_owner, solver_of
 
 logger = logging.getLogger(__name__)
+
+# Ends of a solve from which the neighbours in a sweep may start: the nonlinear program converged.
+_GOOD_STARTS = (SolveStatus.CONVERGED, SolveStatus.UNVERIFIED)
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,13 +50,20 @@ class Limits:
 
 
 def solve_job(
-    job_id: str, store: JobStore, limits: Limits, solver: str = "", *, redelivered: bool = False
+    job_id: str,
+    store: JobStore,
+    limits: Limits,
+    solver: str = "",
+    *,
+    redelivered: bool = False,
+    neighbours: Neighbours | None = None,
 ) -> None:
     """Solve a job if there is something to solve, and write its end once.
 
-    ``solver`` begins the word by which the job is owned, ``redelivered`` is only counted. Never raises for
-    what a document or a solve does wrong: that is the end of the job. Raises RedisError if the store stays
-    away for too long; the job is then as it was and its message may be delivered again.
+    ``solver`` begins the word by which the job is owned, ``redelivered`` is only counted; ``neighbours`` are
+    those of the sweep that the job may belong to. Never raises for what a document or a solve does wrong:
+    that is the end of the job. Raises RedisError if the store stays away for too long; the job is then as it
+    was and its message may be delivered again.
     """
     word = new_owner(solver)
     owner = patiently(lambda: store.start(job_id, word, redelivered=redelivered), limits.outage, job_id)
@@ -58,25 +71,35 @@ def solve_job(
         logger.info("job %s: nothing to solve", job_id)
         return
     with StoreProgress(store, job_id, owner) as progress:
-        end = _solve(job_id, store, limits, progress)
+        end = _solve(job_id, store, limits, progress, neighbours)
     written = patiently(
         lambda: store.finish(job_id, owner, end.status, end.error, end.result), limits.outage, job_id
     )
     if written:
         logger.info("job %s: %s", job_id, end.status)
+        if neighbours is not None:
+            neighbours.ended(job_id, end.figures)
     else:
         logger.warning("job %s ended elsewhere meanwhile; this end (%s) is not written", job_id, end.status)
 
 
-def _solve(job_id: str, store: JobStore, limits: Limits, progress: StoreProgress) -> outcome.Outcome:
-    def read() -> tuple[JobSpec, Trajectory | None, float]:
-        spec = check_document(parse_document(store.document(job_id)))
-        return spec, earlier_answer(store, spec.warm_start), store.seconds_left(job_id)
+def _solve(
+    job_id: str, store: JobStore, limits: Limits, progress: StoreProgress, neighbours: Neighbours | None
+) -> outcome.Outcome:
+    def read() -> tuple[JobSpec, SweepPlace | None, Trajectory | None, float]:
+        spec, at = check_document(parse_document(store.document(job_id))), store.get(job_id).sweep
+        if spec.warm_start is None and at is not None and neighbours is not None:
+            earlier = neighbours.nearest(at)
+        else:
+            earlier = earlier_answer(store, spec.warm_start)
+        return spec, at, earlier, store.seconds_left(job_id)
 
     try:
-        spec, earlier, seconds = patiently(read, limits.outage, job_id)
+        spec, at, earlier, seconds = patiently(read, limits.outage, job_id)
         with process_limit(seconds + limits.grace):
             solution = solve(spec, progress, earlier, seconds)
+            if at is not None and neighbours is not None and solution.status in _GOOD_STARTS:
+                neighbours.found(at, job_id, solution.trajectory)
             return outcome.of_solution(solution, job_id, limits.result_bytes)
     except RedisError:
         raise
@@ -149,16 +172,24 @@ class SolveTask(Task):  # type: ignore[type-arg]
     name = SOLVE_TASK
     Request = JobRequest  # type: ignore[assignment]  # Celery takes a class as well as its name.
 
-    def __init__(self, store: JobStore, limits: Limits) -> None:
+    def __init__(self, store: JobStore, limits: Limits, neighbours: Neighbours | None = None) -> None:
         self.store = store
         self.limits = limits
+        self._neighbours = neighbours
 
     def run(self, job_id: str) -> None:
         """Solve the job; gives the message back if the store stays away."""
         try:
             solver = solver_of(self.request.hostname, os.getpid())
             redelivered = bool((self.request.delivery_info or {}).get("redelivered"))
-            solve_job(job_id, self.store, self.limits, solver, redelivered=redelivered)
+            solve_job(
+                job_id,
+                self.store,
+                self.limits,
+                solver,
+                redelivered=redelivered,
+                neighbours=self._neighbours,
+            )
         except RedisError as error:
             logger.exception("job %s: the store does not answer; the message goes back", job_id)
             raise Reject(str(error), requeue=True) from error

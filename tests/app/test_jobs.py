@@ -33,6 +33,7 @@ JOB_KEYS = {
     "error",
     "attempts",
     "cancel_requested",
+    "sweep",
     "links",
 }
 

@@ -1,0 +1,70 @@
+"""Answers of neighbouring points of a sweep, from which the next point starts.
+
+A worker's process remembers the points that it solved itself; one that knows none of a sweep yet, for it was
+just started, looks for those that others solved last.
+"""
+
+from __future__ import annotations
+
+import json
+from collections import OrderedDict, deque
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+from solvers.trajectory import Trajectory
+from worker.errors import JobGone, JobNotFound
+from worker.records import SweepPlace
+from worker.store import JobStore
+from worker.sweeps import SweepStore, ending_of
+
+_SWEEPS = 4
+_ANSWERS = 32
+
+Place = tuple[float, ...]
+
+
+class Neighbours:
+    """The answers that this process has found, of the sweeps that it worked on last."""
+
+    def __init__(self, store: JobStore, sweeps: SweepStore) -> None:
+        self._store = store
+        self._sweeps = sweeps
+        self._answers: OrderedDict[str, deque[tuple[Place, Trajectory]]] = OrderedDict()
+
+    def nearest(self, at: SweepPlace) -> Trajectory | None:
+        """Return the answer of the solved point nearest to ``at``, None where none is known."""
+        own = self._answers.get(at.sweep)
+        if own:
+            return min(own, key=lambda entry: _distance(entry[0], at.place))[1]
+        solved = self._sweeps.solved_last(at.sweep)
+        return self._read(
+            job_id for job_id, place in sorted(solved, key=lambda it: _distance(it[1], at.place))
+        )
+
+    def found(self, at: SweepPlace, job_id: str, answer: Trajectory) -> None:
+        """Remember the answer of a point, and let other processes know that there is one."""
+        self._answers.setdefault(at.sweep, deque(maxlen=_ANSWERS)).append((at.place, answer))
+        self._answers.move_to_end(at.sweep)
+        while len(self._answers) > _SWEEPS:
+            self._answers.popitem(last=False)
+        self._sweeps.solved(at, job_id)
+
+    def ended(self, job_id: str, figures: Mapping[str, Any] | None) -> None:
+        """Note the end of a job in the table of its sweep."""
+        record = self._store.get(job_id)
+        if record.sweep is not None:
+            self._sweeps.note(record.sweep, ending_of(record, figures))
+
+    def _read(self, job_ids: Iterable[str]) -> Trajectory | None:
+        for job_id in job_ids:
+            try:
+                result = self._store.result(job_id)
+            except (JobNotFound, JobGone):
+                continue
+            if result is not None:
+                return Trajectory.from_result(json.loads(result))
+        return None
+
+
+def _distance(first: Place, second: Place) -> float:
+    return sum((a - b) ** 2 for a, b in zip(first, second, strict=True))

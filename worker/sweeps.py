@@ -1,0 +1,205 @@
+"""The memory of sweeps: which jobs they consist of, and what came of those that have ended.
+
+A point of a sweep is a job like any other. What is kept besides is a hash of endings, one for each point,
+written when its job has ended, by the worker that solved it or by whoever finds it missing. Nothing waits for
+all points but their count: a point that ends another way, or whose worker is lost, holds up no other.
+
+Keys: ``sweep:<id>`` (hash: what was asked for), ``sweep:<id>:points`` (the table, compressed JSON),
+``sweep:<id>:ends`` (hash: index -> ending),
+``sweep:<id>:near`` (list: points solved last, newest first).
+"""
+
+from __future__ import annotations
+
+import json
+import time
+import zlib
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, cast
+
+from worker.errors import JobGone, JobNotFound
+from worker.records import JobRecord, SweepPlace, is_job_id
+from worker.settings import QueueSettings
+from worker.store import JobStore
+
+_NEAR = 16
+_GONE = "gone"
+
+_NOTE = """
+-- KEYS = sweep, points, ends, near. ARGV = index, ending, retention, now, channel, id.
+if redis.call('EXISTS', KEYS[1]) == 0 then return 0 end
+if redis.call('HSETNX', KEYS[3], ARGV[1], ARGV[2]) == 0 then return 0 end
+if redis.call('HLEN', KEYS[3]) == tonumber(redis.call('HGET', KEYS[1], 'count')) then
+  redis.call('HSET', KEYS[1], 'finished_at', ARGV[4])
+  for _, key in ipairs(KEYS) do redis.call('EXPIRE', key, ARGV[3]) end
+  redis.call('PUBLISH', ARGV[5], ARGV[6] .. ' status')
+end
+return 1
+"""
+
+
+@dataclass(frozen=True, slots=True)
+class SweepRecord:
+    """A sweep as it is remembered; times in seconds since 1970, UTC. ``count`` is its number of points."""
+
+    id: str
+    pointers: tuple[str, ...]
+    zipped: bool
+    count: int
+    created_at: float
+    name: str | None = None
+    finished_at: float | None = None
+
+    def to_hash(self) -> dict[str, str]:
+        """Return the record of a new sweep as fields of a Redis hash."""
+        fields = {
+            "id": self.id,
+            "pointers": json.dumps(self.pointers),
+            "zipped": str(int(self.zipped)),
+            "count": str(self.count),
+            "created_at": repr(self.created_at),
+        }
+        return fields if self.name is None else {**fields, "name": self.name}
+
+    @classmethod
+    def from_hash(cls, fields: Mapping[str, str]) -> SweepRecord:
+        """Read a record from the fields of its Redis hash."""
+        return cls(
+            id=fields["id"],
+            pointers=tuple(json.loads(fields["pointers"])),
+            zipped=fields["zipped"] == "1",
+            count=int(fields["count"]),
+            created_at=float(fields["created_at"]),
+            name=fields.get("name"),
+            finished_at=float(fields["finished_at"]) if "finished_at" in fields else None,
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class TableRow:
+    """A point of a sweep: its values, its job, where that stands, and its ending once it has one."""
+
+    values: tuple[Any, ...]
+    job_id: str
+    status: str
+    ending: Mapping[str, Any] | None = None
+
+
+def figures_of(result: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the figures of a result that a table shows."""
+    verification, statistics = result["verification"], result["statistics"]
+    names = ("terminal_error", "max_state_error", "max_bound_violation", "max_path_violation", "passed")
+    return {
+        "success": result["success"],
+        "objective": result["objective"],
+        "final_time": result["final_time"],
+        "verification": {name: verification[name] for name in names},
+        "iterations": statistics["iterations"],
+        "seconds": statistics["seconds"]["total"],
+    }
+
+
+def ending_of(record: JobRecord, figures: Mapping[str, Any] | None) -> dict[str, Any]:
+    """Return what a sweep keeps of a job that has ended, with the figures of its result if there is one."""
+    error = None if record.error is None else record.error.type.value
+    return {"status": record.status.value, "error": error, **(figures or {})}
+
+
+class SweepStore:
+    """Everything that is remembered of sweeps, beside the store of their jobs. Safe to share.
+
+    Methods that name a sweep raise JobNotFound for an id that nobody knows.
+    """
+
+    def __init__(self, store: JobStore, settings: QueueSettings) -> None:
+        self._store = store
+        self._redis = store.redis
+        self._prefix = settings.prefix
+        self._retention = max(1, round(settings.retention_days * 86_400))
+        self._note = cast(Callable[..., Any], self._redis.register_script(_NOTE))
+
+    def add(self, sweep: SweepRecord, jobs: Sequence[tuple[JobRecord, bytes]], values: Sequence[Any]) -> None:
+        """Remember a new sweep with all its jobs, in the order of its table, in one step."""
+        key, points, *_ = self._keys(sweep.id)
+        table = json.dumps([[value, record.id] for value, (record, _) in zip(values, jobs, strict=True)])
+        with self._redis.pipeline(transaction=True) as pipe:
+            pipe.hset(key, mapping=cast(Any, sweep.to_hash()))
+            pipe.set(points, zlib.compress(table.encode()))
+            for record, document in jobs:
+                self._store.add_to(pipe, record, document)
+            pipe.execute()
+
+    def get(self, sweep_id: str) -> SweepRecord:
+        """Return the record of a sweep."""
+        fields = cast(dict[bytes, bytes], self._redis.hgetall(self._keys(sweep_id)[0]))
+        if not fields:
+            raise JobNotFound(sweep_id)
+        return SweepRecord.from_hash({name.decode(): value.decode() for name, value in fields.items()})
+
+    def table(self, sweep_id: str) -> list[TableRow]:
+        """Return all points; endings that were not noted, for their worker was lost, are noted now."""
+        _, points, ends, *_ = self._keys(sweep_id)
+        packed = cast(bytes | None, self._redis.get(points))
+        if packed is None:
+            raise JobNotFound(sweep_id)
+        noted = cast(dict[bytes, bytes], self._redis.hgetall(ends))
+        endings = {int(index): json.loads(ending) for index, ending in noted.items()}
+        rows = [(tuple(values), job_id) for values, job_id in json.loads(zlib.decompress(packed))]
+        left = [index for index in range(len(rows)) if index not in endings]
+        statuses = dict(zip(left, self._store.statuses([rows[index][1] for index in left]), strict=True))
+        for index, status in statuses.items():
+            if status is None or status.final:
+                endings[index] = self._note_missing(sweep_id, index, rows[index][1])
+        return [
+            TableRow(values, job_id, ending["status"], ending)
+            if (ending := endings.get(index)) is not None
+            else TableRow(values, job_id, str(statuses[index]))
+            for index, (values, job_id) in enumerate(rows)
+        ]
+
+    def _note_missing(self, sweep_id: str, index: int, job_id: str) -> dict[str, Any]:
+        try:
+            record = self._store.get(job_id)
+            result = self._store.result(job_id)
+        except (JobNotFound, JobGone):
+            ending: dict[str, Any] = {"status": _GONE, "error": None}
+        else:
+            ending = ending_of(record, None if result is None else figures_of(json.loads(result)))
+        self.note(SweepPlace(sweep_id, index, ()), ending)
+        return ending
+
+    def note(self, at: SweepPlace, ending: Mapping[str, Any]) -> None:
+        """Note how a point has ended; what was noted first stays."""
+        text = json.dumps(ending, allow_nan=False)
+        args = (at.index, text, self._retention, time.time(), self._store.channel, at.sweep)
+        self._note(keys=self._keys(at.sweep), args=args)
+
+    def solved(self, at: SweepPlace, job_id: str) -> None:
+        """Note that a point has an answer from which its neighbours may start."""
+        near = self._keys(at.sweep)[3]
+        with self._redis.pipeline(transaction=True) as pipe:
+            pipe.lpush(near, json.dumps([job_id, at.place]))
+            pipe.ltrim(near, 0, _NEAR - 1)
+            pipe.expire(near, self._retention)
+            pipe.execute()
+
+    def solved_last(self, sweep_id: str) -> list[tuple[str, tuple[float, ...]]]:
+        """Return the jobs that were solved last, with their places."""
+        entries = cast(list[bytes], self._redis.lrange(self._keys(sweep_id)[3], 0, -1))
+        return [(job_id, tuple(place)) for job_id, place in map(json.loads, entries)]
+
+    def cancel(self, sweep_id: str) -> None:
+        """Cancel every job that has not ended."""
+        for row in self.table(sweep_id):
+            if row.ending is None:
+                try:
+                    self._store.cancel(row.job_id)
+                except (JobNotFound, JobGone):  # It was erased in between.
+                    continue
+
+    def _keys(self, sweep_id: str) -> list[str]:
+        if not is_job_id(sweep_id):
+            raise JobNotFound(sweep_id)
+        sweep = f"{self._prefix}sweep:{sweep_id}"
+        return [sweep, f"{sweep}:points", f"{sweep}:ends", f"{sweep}:near"]
