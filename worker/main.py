@@ -31,6 +31,7 @@ def run(
     # Imported here, once, in the parent: the children are forked with everything loaded.
     from celery.signals import worker_process_init
 
+    from solvers.warmup import warm_up
     from worker.consumer import PromptConsumer
     from worker.heartbeat import heartbeat
     from worker.leases import leases
@@ -41,6 +42,7 @@ def run(
     from worker.sweeps import SweepStore
     from worker.tasks import Limits, SolveTask
 
+    warm_up()
     celery = make_celery(settings)
     celery.conf.update(
         worker_max_tasks_per_child=settings.tasks_per_child,
