@@ -22,6 +22,7 @@ _COUNTERS = {
     "losses": "Solves that were given up because their worker was lost.",
     "lease_renewals": "Leases renewed by workers.",
     "reclaimed": "Running jobs that were put back because nobody spoke for them.",
+    "reused": "Jobs that were ended with the answer of an earlier one.",
     "republished": "Waiting jobs that were published again.",
 }
 # The field in which a counter is kept, where it is not its name.

@@ -43,6 +43,7 @@ class JobLinks(BaseModel):
     self: str
     spec: str
     cancel: str
+    pin: str
     events: str
     result: str
     trajectory: str
@@ -62,6 +63,9 @@ class JobView(BaseModel):
     deadline_at: str | None = Field(description="When nobody waits for the answer any more.")
     started_at: str | None
     finished_at: str | None
+    expires_at: str | None = Field(description="Until when an ended job is kept; null if it is pinned.")
+    pinned: bool = Field(description="True if it is kept until it is erased.")
+    reused_from: str | None = Field(description="The earlier job whose answer it has, if it was not solved.")
     progress: ProgressView | None
     error: JobErrorView | None
     attempts: int = Field(description="How often a worker started it.")
@@ -87,6 +91,9 @@ class JobView(BaseModel):
             deadline_at=_moment(record.deadline_at),
             started_at=_moment(record.started_at),
             finished_at=_moment(record.finished_at),
+            expires_at=_moment(record.expires_at),
+            pinned=record.pinned,
+            reused_from=record.reused_from,
             progress=None if record.progress is None else ProgressView.model_validate(record.progress),
             error=None
             if error is None
@@ -98,6 +105,7 @@ class JobView(BaseModel):
                 self=here,
                 spec=f"{here}/spec",
                 cancel=f"{here}/cancel",
+                pin=f"{here}/pin",
                 events=f"{here}/events",
                 result=f"{here}/result",
                 trajectory=f"{here}/trajectory",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 import time
 from collections.abc import Callable
@@ -15,7 +16,7 @@ from app.settings import Settings
 from app.watch import StatusWatch
 from solvers.errors import DocumentError, Fault
 from solvers.sizes import ProblemSize, problem_size
-from solvers.spec import JobSpec, check_document, parse_document
+from solvers.spec import JobSpec, answer_digest, check_document, parse_document
 from worker.claims import Claims
 from worker.errors import JobGone, JobNotFound, QueueUnavailable
 from worker.queue import JobQueue, make_celery
@@ -70,8 +71,8 @@ class Service:
         spec, size = check(body)
         self.find_start(spec)
         record = new_record(spec, size)
-        job_id = self.once(key, body, record.id, lambda: self._queue(record, body))
-        return record if job_id == record.id else self.store.get(job_id)
+        job_id = self.once(key, body, record.id, lambda: self._make(record, spec, body))
+        return record if job_id == record.id and not spec.reuse else self.store.get(job_id)
 
     def once(self, key: str | None, body: bytes, new_id: str, make: Callable[[], None]) -> str:
         """Make something with ``new_id``, unless the client's ``key`` made it before; return its id."""
@@ -101,14 +102,34 @@ class Service:
             detail = "no job with this id has a result; submit again when it has, or leave the key out"
             raise DocumentError([Fault("/warm_start", detail)])
 
-    def _queue(self, record: JobRecord, body: bytes) -> None:
-        # The record first: a worker may have the message before this process has its answer.
+    def _make(self, record: JobRecord, spec: JobSpec, body: bytes) -> None:
+        # The record first: a worker may have the message before this process has its answer. One that is not
+        # answered here, should this process end in between, is published by the reconciler.
         self.store.add(record, body)
+        if spec.reuse and self._reuse(record.id, spec):
+            return
         try:
             self.queue.enqueue(record)
         except QueueUnavailable:
             self.store.discard(record.id)
             raise
+
+    def _reuse(self, job_id: str, spec: JobSpec) -> bool:
+        """End a job with the answer of an earlier one, if there is one to the same question."""
+        resolution = spec.resolved()
+        earlier = self.store.answered(answer_digest(resolution.document))
+        if earlier is None:
+            return False
+        try:
+            text = self.store.result(earlier)
+        except (JobNotFound, JobGone):
+            return False
+        if text is None:
+            return False
+        # The answer is the earlier one's, the document and its labels are this one's.
+        own = {"job_id": job_id, "reused_from": earlier, "resolved": resolution.to_dict()}
+        result = json.dumps(json.loads(text) | own, allow_nan=False, separators=(",", ":"))
+        return self.store.answer(job_id, earlier, result.encode())
 
     def retry_after(self, record: JobRecord) -> int:
         """Return after how many seconds it is worth asking for an active job again."""

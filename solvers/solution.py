@@ -65,7 +65,6 @@ class Solution:
     def result(self, job_id: str | None = None) -> dict[str, Any]:
         """The result of this solution: JSON types only; what is not finite or not computed is None."""
         trajectory = self.trajectory
-        resolution = self.spec.resolved()
         sampled = sample(self.problem, trajectory, self._sample_times())
         phase = {
             "name": "phase",
@@ -102,11 +101,7 @@ class Solution:
                 "nlp_status": self.statistics.nlp_status,
                 "seconds": dict(self.statistics.seconds),
             },
-            "resolved": {
-                "document": resolution.document,
-                "sha256": resolution.sha256,
-                "defaults_applied": list(resolution.defaults_applied),
-            },
+            "resolved": self.spec.resolved().to_dict(),
             "provenance": _provenance(),
             "constraints": list(self.constraints),
             "sensitivity": None,

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import casadi as ca
 import numpy as np
 import scipy.linalg
@@ -22,5 +24,5 @@ def warm_up() -> None:
     scipy.linalg.lu_factor(matrix)
     ca.solve(ca.DM(matrix), ca.DM.ones(_ORDER, 1), "lapacklu")
     x = ca.SX.sym("x")
-    quiet = {"print_time": False, "ipopt.print_level": 0, "ipopt.sb": "yes"}
+    quiet: dict[str, Any] = {"print_time": False, "ipopt.print_level": 0, "ipopt.sb": "yes"}
     ca.nlpsol("warm_up", "ipopt", {"x": x, "f": (x - 1) ** 2}, quiet)(x0=0)

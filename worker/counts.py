@@ -2,9 +2,9 @@
 
 They live in one hash beside the jobs, so that they survive every process and are the same for all. Its
 fields: ``attempts``, ``redeliveries``, ``duplicates``, ``losses``, ``renewals``, ``reclaimed``,
-``republished``; ``ended <method> <status> <outcome>``; and for jobs that were started ``seconds <method>
-<outcome>`` (their sum) and ``within <method> <outcome> <bucket>`` (how many took at most so long, and longer
-than the bucket before).
+``republished``, ``reused``; ``ended <method> <status> <outcome>``; and for jobs that were started
+``seconds <method> <outcome>`` (their sum) and ``within <method> <outcome> <bucket>`` (how many took at most
+so long, and longer than the bucket before).
 The outcome of a failed job is the type of its error, of any other its status.
 """
 

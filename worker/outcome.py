@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from solvers.errors import DocumentError
+from solvers.spec import answer_digest
 from solvers.status import SolveStatus
 from worker.records import FailureType, JobError, JobStatus
 from worker.store import compress
@@ -22,12 +23,16 @@ logger = logging.getLogger(__name__)
 
 @dataclass(frozen=True, slots=True)
 class Outcome:
-    """The end of a job: its final status, why it failed, its compressed result and the figures of it."""
+    """The end of a job: its final status, why it failed, its compressed result and the figures of it.
+
+    ``digest`` tells what a certified result answers (`answer_digest`).
+    """
 
     status: JobStatus
     error: JobError | None = None
     result: bytes | None = None
     figures: Mapping[str, Any] | None = None
+    digest: str | None = None
 
 
 def _title(status: SolveStatus) -> str:
@@ -61,7 +66,8 @@ def of_solution(solution: Solution, job_id: str, limit: int) -> Outcome:
         )
         return _failure(FailureType.INTERNAL, "The result is too large to be kept.", detail)
     if solution.status is SolveStatus.CONVERGED:
-        return Outcome(JobStatus.SUCCEEDED, result=result, figures=figures)
+        digest = answer_digest(members["resolved"]["document"])
+        return Outcome(JobStatus.SUCCEEDED, result=result, figures=figures, digest=digest)
     if solution.status is SolveStatus.CANCELLED:
         return Outcome(JobStatus.CANCELLED, result=result, figures=figures)
     error = JobError(FailureType(solution.status.value), _title(solution.status), solution.message)

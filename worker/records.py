@@ -115,7 +115,8 @@ class JobRecord:
     ``version`` grows by one with every change, so that two readings are equal exactly if their versions are.
     ``estimate`` is the time that the solve was expected to take, in seconds, when the job was accepted.
     ``attempts`` counts starts, ``losses`` those whose worker vanished without a word. After ``deadline_at``
-    nobody waits for the answer any more.
+    nobody waits for the answer any more. An ended job is kept until ``expires_at``, or until it is erased if
+    it is ``pinned``. ``reused_from`` is the job whose answer this one has, which was not solved then.
     """
 
     id: str
@@ -137,6 +138,9 @@ class JobRecord:
     losses: int = 0
     cancel_requested: bool = False
     has_result: bool = False
+    expires_at: float | None = None
+    pinned: bool = False
+    reused_from: str | None = None
     version: int = field(default=1)
 
     def to_hash(self) -> dict[str, str]:
@@ -183,6 +187,9 @@ class JobRecord:
             losses=int(fields.get("losses", 0)),
             cancel_requested=fields.get("cancel") == "1",
             has_result=fields.get("has_result") == "1",
+            expires_at=float(fields["expires_at"]) if "expires_at" in fields else None,
+            pinned=fields.get("pinned") == "1",
+            reused_from=fields.get("reused_from"),
             version=int(fields["version"]),
         )
 

@@ -76,6 +76,13 @@ local function move(to)
   if to == 'running' then lend(tonumber(ARGV[6])) end
   note_status()
 end
+local parts = {KEYS[1], KEYS[2], KEYS[3], KEYS[6]}
+-- Keep an ended job for its time, and then only that it existed.
+local function expire()
+  redis.call('HSET', KEYS[1], 'expires_at', ARGV[3] + ARGV[4])
+  for _, key in ipairs(parts) do redis.call('EXPIRE', key, ARGV[4]) end
+  redis.call('SET', KEYS[4], '', 'EX', ARGV[4] + ARGV[5])
+end
 local function finish(to, failure)
   count_end(to, failure)
   redis.call('HSET', KEYS[1], 'finished_at', ARGV[3])
@@ -83,12 +90,16 @@ local function finish(to, failure)
   redis.call('ZREM', KEYS[8], ARGV[1])
   if failure ~= '' then redis.call('HSET', KEYS[1], 'error', failure) end
   move(to)
-  for _, key in ipairs({KEYS[1], KEYS[2], KEYS[3], KEYS[6]}) do redis.call('EXPIRE', key, ARGV[4]) end
-  redis.call('SET', KEYS[4], '', 'EX', ARGV[4] + ARGV[5])
+  if redis.call('HGET', KEYS[1], 'pinned') ~= '1' then expire() end
 end
 local function overdue()
   local deadline = redis.call('HGET', KEYS[1], 'deadline_at')
   return deadline and tonumber(deadline) <= tonumber(ARGV[3])
+end
+local function keep(result)
+  redis.call('SET', KEYS[3], result)
+  redis.call('HSET', KEYS[1], 'has_result', '1')
+  note('result', '{"bytes":' .. #result .. '}')
 end
 local function requeue()
   redis.call('HDEL', KEYS[1], 'owner', 'started_at', 'progress')
@@ -164,18 +175,30 @@ Answers ``go``, ``cancel`` (somebody asks to stop) or ``lost`` (not ours any mor
 FINISH = (
     _COMMON
     + """
+-- KEYS[12] where the job is to be found by what it answers, if it may be.
 -- ARGV[7] owner, ARGV[8] final status, ARGV[9] error as JSON or '', ARGV[10] compressed result or ''.
 if not mine(ARGV[7]) then return 0 end
-if ARGV[10] ~= '' then
-  redis.call('SET', KEYS[3], ARGV[10])
-  redis.call('HSET', KEYS[1], 'has_result', '1')
-  note('result', '{"bytes":' .. #ARGV[10] .. '}')
-end
+if ARGV[10] ~= '' then keep(ARGV[10]) end
+if KEYS[12] then redis.call('SET', KEYS[12], ARGV[1], 'EX', ARGV[4]) end
 finish(ARGV[8], ARGV[9])
 return 1
 """
 )
 """Write the end of a job, once: 1 if this solve owned it, 0 if nothing was written."""
+
+ANSWER = (
+    _COMMON
+    + """
+-- ARGV[7] id of the earlier job, ARGV[8] compressed result.
+if status() ~= 'queued' then return 0 end
+redis.call('HSET', KEYS[1], 'reused_from', ARGV[7])
+keep(ARGV[8])
+count('reused')
+finish('succeeded', '')
+return 1
+"""
+)
+"""End a waiting job with the answer of an earlier one: 1 if it waited, 0 if nothing was written."""
 
 FAIL = (
     _COMMON
@@ -262,6 +285,26 @@ return status()
 """
 )
 """End a queued job, ask a running one to stop, leave an ended one alone; answers the status or nothing."""
+
+PIN = (
+    _COMMON
+    + """
+-- ARGV[7] 1 to keep the job until it is erased, 0 to keep it for its time from now on.
+local now = status()
+local pinned = redis.call('HGET', KEYS[1], 'pinned') or '0'
+if not now or pinned == ARGV[7] then return now end
+redis.call('HSET', KEYS[1], 'pinned', ARGV[7])
+redis.call('HINCRBY', KEYS[1], 'version', 1)
+if ARGV[7] == '1' then
+  redis.call('HDEL', KEYS[1], 'expires_at')
+  for _, key in ipairs(parts) do redis.call('PERSIST', key) end
+elseif now ~= 'queued' and now ~= 'running' then
+  expire()
+end
+return now
+"""
+)
+"""Take an ended job's time of keeping away or give it one; answers the status or nothing."""
 
 ERASE = (
     _COMMON

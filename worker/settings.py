@@ -19,7 +19,7 @@ class QueueSettings(BaseSettings):
         default="redis://127.0.0.1:6379/0", description="Address of the Redis or Valkey server."
     )
     prefix: str = Field(default="ondelette:", description="Prefix of every key in the server.")
-    retention_days: float = Field(default=7.0, gt=0, description="How long a finished job is kept, in days.")
+    retention_days: float = Field(default=30.0, gt=0, description="How long a finished job is kept, in days.")
     grace_seconds: float = Field(
         default=30.0,
         ge=1,
@@ -57,6 +57,11 @@ class QueueSettings(BaseSettings):
                 "visibility_seconds must be at least three times renewal_seconds, for a renewal may be late"
             )
         return self
+
+    @property
+    def retention_seconds(self) -> int:
+        """How long a finished job is kept, in seconds."""
+        return max(1, round(self.retention_days * 86_400))
 
     @property
     def lease_seconds(self) -> float:

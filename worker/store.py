@@ -14,6 +14,7 @@ import zlib
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict
 from enum import StrEnum
+from importlib.metadata import version
 from typing import Any, cast
 
 from redis import Redis
@@ -112,7 +113,7 @@ class JobStore:
         self._counts = f"{settings.prefix}counts"
         self._unacked = f"{settings.prefix}unacked_index"
         self._lease = settings.lease_seconds
-        self._retention = max(1, round(settings.retention_days * 86_400))
+        self._retention = settings.retention_seconds
         self._start = self._script(scripts.START)
         self._report = self._script(scripts.REPORT)
         self._finish = self._script(scripts.FINISH)
@@ -123,7 +124,9 @@ class JobStore:
         self._hand_back = self._script(scripts.HAND_BACK)
         self._give_up = self._script(scripts.GIVE_UP)
         self._cancel = self._script(scripts.CANCEL)
+        self._pin = self._script(scripts.PIN)
         self._erase = self._script(scripts.ERASE)
+        self._answer = self._script(scripts.ANSWER)
 
     # The side of the submitter.
 
@@ -208,6 +211,23 @@ class JobStore:
         self._run(self._cancel, job_id)
         return self.get(job_id)
 
+    def answered(self, digest: str) -> str | None:
+        """Return the job that this version of the solvers answered last by ``digest``, None if there is none.
+
+        It may not be kept any more.
+        """
+        job_id = cast(bytes | None, self.redis.get(self._answer_to(digest)))
+        return None if job_id is None else job_id.decode()
+
+    def answer(self, job_id: str, earlier: str, result: bytes) -> bool:
+        """End a waiting job with the ``result`` (JSON) of an ``earlier`` one; False if it does not wait."""
+        return bool(self._run(self._answer, job_id, earlier, compress(result)))
+
+    def pin(self, job_id: str, *, pinned: bool) -> JobRecord:
+        """Keep a job until it is erased, or for its time from now on; return the record."""
+        self._run(self._pin, job_id, int(pinned))
+        return self.get(job_id)
+
     def erase(self, job_id: str) -> None:
         """Erase an ended job; raises JobActive for any other."""
         answer = self._run(self._erase, job_id, keys=[self._index])
@@ -288,15 +308,19 @@ class JobStore:
         status: JobStatus,
         error: JobError | None = None,
         result: bytes | None = None,
+        digest: str | None = None,
     ) -> bool:
         """Write the end of a job, with its ``result`` as `compress` made it.
 
-        Returns False, and writes nothing, if the job is not running or is owned by another solve.
+        By ``digest``, that of what it answers, it is found by `answered`. Returns False, and writes nothing,
+        if the job is not running or is owned by another solve.
         """
         if not status.final:
             raise ValueError(f"{status} is not a final status")
         failure = "" if error is None else error.to_json()
-        return bool(self._run(self._finish, job_id, owner, status.value, failure, result or b""))
+        keys = [] if digest is None else [self._answer_to(digest)]
+        words = (owner, status.value, failure, result or b"")
+        return bool(self._run(self._finish, job_id, *words, keys=keys))
 
     # The side of a worker's main process, which knows of its children's words only how they begin.
 
@@ -384,6 +408,9 @@ class JobStore:
             raise JobNotFound(job_id)
         job = f"{self._prefix}job:{job_id}"
         return [job, f"{job}:document", f"{job}:result", f"{self._prefix}gone:{job_id}"]
+
+    def _answer_to(self, digest: str) -> str:
+        return f"{self._prefix}answer:{version('ondelette')}:{digest}"
 
     def _stream(self, job_id: str) -> str:
         return f"{self._keys(job_id)[0]}:events"

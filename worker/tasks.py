@@ -72,9 +72,8 @@ def solve_job(
         return
     with StoreProgress(store, job_id, owner) as progress:
         end = _solve(job_id, store, limits, progress, neighbours)
-    written = patiently(
-        lambda: store.finish(job_id, owner, end.status, end.error, end.result), limits.outage, job_id
-    )
+    words = (end.status, end.error, end.result, end.digest)
+    written = patiently(lambda: store.finish(job_id, owner, *words), limits.outage, job_id)
     if written:
         logger.info("job %s: %s", job_id, end.status)
         if neighbours is not None:

@@ -111,6 +111,18 @@ def cancel(service: Shared, job_id: str) -> Response:
     return _answer(service, service.store.cancel(job_id), 202)
 
 
+@router.post("/jobs/{job_id}/pin", response_model=JobView, responses=refusals(404, 410, 503))
+def pin(service: Shared, job_id: str) -> Response:
+    """Keep a job until it is erased or unpinned, beyond the time for which ended jobs are kept."""
+    return _answer(service, service.store.pin(job_id, pinned=True), 200)
+
+
+@router.delete("/jobs/{job_id}/pin", response_model=JobView, responses=refusals(404, 410, 503))
+def unpin(service: Shared, job_id: str) -> Response:
+    """Keep an ended job only for its time again, which starts anew."""
+    return _answer(service, service.store.pin(job_id, pinned=False), 200)
+
+
 @router.delete("/jobs/{job_id}", status_code=204, responses=refusals(404, 409, 410, 503))
 def erase(service: Shared, job_id: str) -> None:
     """Erase a finished job with its document and result."""

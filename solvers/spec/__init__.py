@@ -35,7 +35,7 @@ from solvers.spec.problem import (
     initial_intervals,
     path_intervals,
 )
-from solvers.spec.resolution import Resolution, canonical_json
+from solvers.spec.resolution import Resolution, answer_digest, canonical_json
 from solvers.spec.scope import VIBRATION_ENERGY
 from solvers.spec.values import BoundValue, Interval, Value, bound_interval, evaluate_constant, inside
 
@@ -67,6 +67,7 @@ __all__ = [
     "SubmittedModel",
     "Value",
     "Verification",
+    "answer_digest",
     "bound_interval",
     "canonical_json",
     "check_document",

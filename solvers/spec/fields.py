@@ -66,6 +66,20 @@ class Unsupported(Check):
         return {"description": f"Reserved: {self.what} not in this version."}
 
 
+class Flag(Check):
+    """True, or nothing: false asks for nothing."""
+
+    def check(self, value: Any, scope: Scope) -> bool | None:
+        """Return True or None."""
+        if value is not None and not isinstance(value, bool):
+            raise refuse(f"must be true or false, not {kind_of(value)}")
+        return value or None
+
+    def schema(self) -> dict[str, Any]:
+        """A boolean."""
+        return {"type": "boolean"}
+
+
 @dataclass(frozen=True)
 class Text(Check):
     """Text of at most ``longest`` characters."""

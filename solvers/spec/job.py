@@ -8,7 +8,7 @@ from pydantic import Field
 
 from solvers.spec.base import SpecModel
 from solvers.spec.faults import Flaws, kind_of, refuse
-from solvers.spec.fields import Check, Count, FreeObject, Real, Text, Unsupported
+from solvers.spec.fields import Check, Count, Flag, FreeObject, Real, Text, Unsupported
 from solvers.spec.methods import AutoMethod, Method
 from solvers.spec.problem import ProblemSpec
 from solvers.spec.resolution import Resolution, resolve
@@ -139,8 +139,8 @@ class JobSpec(SpecModel):
     """The known answer of a case; ignored."""
     warm_start: Annotated[str, Text(64)] | None = None
     """Id of an earlier job to start from, of any method, mesh and parameters."""
-    reuse: Annotated[None, Unsupported("reuse of earlier results is")] = None
-    """Whether an earlier result will do; not in this version."""
+    reuse: Annotated[bool | None, Flag()] = None
+    """Whether the certified result of an earlier job with the same problem, method and options will do."""
     deadline_seconds: Annotated[float, Real(above=0, limit=_MONTH, unit=" s")] | None = None
     """Seconds from submission, after which nobody waits for the answer: the job ends as time_limit."""
     webhook: Annotated[None, Unsupported("webhooks are")] = None

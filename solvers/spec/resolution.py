@@ -17,6 +17,9 @@ if TYPE_CHECKING:
 _IGNORED = frozenset({"schema_uri", "reference"})
 _LARGEST_EXACT = 2**53
 
+# What is said about a job rather than asked by it.
+_LABELS = frozenset({"name", "notes", "tags", "metadata", "priority", "reuse", "deadline_seconds", "webhook"})
+
 
 @dataclass(frozen=True, slots=True)
 class Resolution:
@@ -28,6 +31,14 @@ class Resolution:
     document: dict[str, Any]
     defaults_applied: tuple[str, ...]
     sha256: str
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the resolution as it stands in a result."""
+        return {
+            "document": self.document,
+            "sha256": self.sha256,
+            "defaults_applied": list(self.defaults_applied),
+        }
 
 
 def resolve(spec: JobSpec) -> Resolution:
@@ -47,6 +58,12 @@ def resolve(spec: JobSpec) -> Resolution:
         defaults += [("problem", "model", "parameters", name) for name in names if name not in given]
     digest = hashlib.sha256(canonical_json(document).encode()).hexdigest()
     return Resolution(document, tuple(pointer(path) for path in defaults), digest)
+
+
+def answer_digest(resolved: dict[str, Any]) -> str:
+    """Return the SHA-256 of the part of a resolved document on which its answer depends."""
+    asked = {key: value for key, value in resolved.items() if key not in _LABELS}
+    return hashlib.sha256(canonical_json(asked).encode()).hexdigest()
 
 
 def canonical_json(document: Any) -> str:

@@ -29,6 +29,9 @@ JOB_KEYS = {
     "deadline_at",
     "started_at",
     "finished_at",
+    "expires_at",
+    "pinned",
+    "reused_from",
     "progress",
     "error",
     "attempts",
@@ -258,7 +261,8 @@ def test_an_unknown_job_is_not_found_for_any_question(client: httpx.Client) -> N
 def questions(job_id: str) -> list[tuple[str, str]]:
     parts = ("", "/spec", "/result", "/trajectory", "/plot.svg", "/plot.png", "?wait=1")
     here = f"/v1/jobs/{job_id}"
-    return [("POST", f"{here}/cancel"), ("DELETE", here), *(("GET", here + part) for part in parts)]
+    asks = [("POST", f"{here}/cancel"), ("POST", f"{here}/pin"), ("DELETE", f"{here}/pin"), ("DELETE", here)]
+    return [*asks, *(("GET", here + part) for part in parts)]
 
 
 class TestList:

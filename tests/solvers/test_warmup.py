@@ -27,7 +27,7 @@ except Exception as error:
 @pytest.mark.skipif(sys.platform != "linux", reason="reads /proc and limits the address space")
 @pytest.mark.parametrize("room", [24, 400])
 def test_a_solve_near_the_limit_of_memory_comes_to_an_end(room: int) -> None:
-    """With ``room`` MiB: it fails as a lack of memory, or aborts itself as C++ does; with enough it solves."""
+    """With ``room`` MiB left it says what it lacks, or aborts itself as C++ does; with enough it solves."""
     done = subprocess.run(
         [sys.executable, "-c", SOLVE, str(room)], capture_output=True, text=True, timeout=60
     )

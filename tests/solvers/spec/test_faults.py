@@ -70,6 +70,7 @@ STRUCTURE: list[Row] = [
     ({"/schema": "1"}, "/schema", "must be 1"),
     ({"/schema": True}, "/schema", "must be 1"),
     ({"/priority": "urgent"}, "/priority", "'normal'"),
+    ({"/reuse": "yes"}, "/reuse", "true or false"),
     ({"/priority": None}, "/priority", "'high'"),
     ({"/priority": ["high"]}, "/priority", "'high'"),
     ({"/deadline_seconds": 0}, "/deadline_seconds", "greater than 0"),
@@ -361,7 +362,6 @@ UNSUPPORTED: list[tuple[dict[str, Any], str]] = [
     ),
     ({"/output/command": {"period": 0.1}}, "/output/command"),
     ({"/output/coast": 10}, "/output/coast"),
-    ({"/reuse": True}, "/reuse"),
     ({"/webhook": {"url": "https://example.org/"}}, "/webhook"),
 ]
 
