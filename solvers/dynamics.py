@@ -135,6 +135,15 @@ class Dynamics:
             start = stop
         return values
 
+    def mass(self, scope: Scope, backend: Backend) -> list[list[Any]]:
+        """Evaluate M, (n, n), as rows."""
+        rows: list[list[Any]] = []
+        for body in self.bodies:
+            before, after = len(rows), self.coordinates - len(rows) - len(body.coordinates)
+            block = _values(body.mass, scope, backend)
+            rows += [[*[0.0] * before, *row, *[0.0] * after] for row in block]
+        return rows
+
     def rate(self, scope: Scope, backend: Backend) -> list[Any]:
         """Evaluate (q', q'', f), one value a state."""
         velocities = [scope[name] for body in self.bodies for name in body.velocities]

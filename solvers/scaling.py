@@ -5,8 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
+from solvers.backends import NUMPY
 from solvers.problem import OptimalControlProblem
 from solvers.quantities import Interval
 
@@ -15,7 +16,11 @@ Vector = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Scaling:
-    """Positive magnitudes of each state, control, design parameter and integral, of time and objective."""
+    """Positive magnitudes of each state, control, design parameter and integral, of time and objective.
+
+    ``equations`` (n,): the largest inertial term of each equation of motion when the coordinates move by
+    their scales in the time of the guess; empty for models of first order.
+    """
 
     states: Vector
     controls: Vector
@@ -23,10 +28,11 @@ class Scaling:
     objective: float
     design: Vector
     integrals: Vector
+    equations: Vector
 
     @property
     def numbers(self) -> tuple[float, ...]:
-        """All of them."""
+        """All of them but those of the equations."""
         return (
             *self.states,
             *self.controls,
@@ -44,15 +50,16 @@ def automatic_scaling(problem: OptimalControlProblem) -> Scaling:
     """
     tau = np.linspace(0.0, 1.0, 33)
     states, controls = problem.guess.states_at(tau), problem.guess.controls_at(tau)
+    scales = np.array(
+        [
+            _typical(bounds, [*problem.initial_state[i], *problem.final_state[i], *states[i]])
+            for i, bounds in enumerate(problem.state_bounds)
+        ]
+    )
     return Scaling(
-        states=np.array(
-            [
-                _typical(bounds, [*problem.initial_state[i], *problem.final_state[i], *states[i]])
-                for i, bounds in enumerate(problem.state_bounds)
-            ]
-        ),
+        states=scales,
         controls=np.array(
-            [_typical(bounds, list(controls[j])) for j, bounds in enumerate(problem.control_bounds)]
+            [_typical(bounds, row) for bounds, row in zip(problem.control_bounds, controls, strict=True)]
         ),
         time=nearest_power_of_two(max(abs(problem.guess.t0), abs(problem.guess.tf))),
         objective=1.0,
@@ -63,6 +70,7 @@ def automatic_scaling(problem: OptimalControlProblem) -> Scaling:
                 for item, value in zip(problem.integrals, problem.integrals_along(problem.guess), strict=True)
             ]
         ),
+        equations=_inertial(problem, scales),
     )
 
 
@@ -78,7 +86,23 @@ def nearest_power_of_two(size: float) -> float:
     return float(2.0 ** np.round(np.log2(size)))
 
 
-def _typical(bounds: Interval, values: list[float]) -> float:
+def _typical(bounds: Interval, values: ArrayLike) -> float:
     if np.isfinite(bounds).all():
         return magnitude(bounds)
-    return nearest_power_of_two(max((abs(value) for value in values if np.isfinite(value)), default=0.0))
+    sizes = np.abs(values)
+    return nearest_power_of_two(float(np.max(sizes, where=np.isfinite(sizes), initial=0.0)))
+
+
+def _inertial(problem: OptimalControlProblem, scales: Vector) -> Vector:
+    n = problem.dynamics.coordinates
+    guess, start = problem.guess, np.zeros(1)
+    scope = problem.scope(
+        guess.states_at(start)[:, 0],
+        guess.controls_at(start)[:, 0],
+        guess.t0,
+        {**problem.parameters, **guess.design},
+        NUMPY,
+    )
+    mass = np.array(problem.dynamics.mass(scope, NUMPY), np.float64).reshape(n, n)
+    terms = np.abs(mass * scales[:n]).max(axis=1, initial=0.0) / (guess.tf - guess.t0) ** 2
+    return np.array([nearest_power_of_two(size) for size in terms])

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from solvers.cache import STRUCTURES, CompiledStructure
-from solvers.optimizers.ipopt import WARM_BARRIER, Ipopt, Iterate, Limits, Outcome
+from solvers.optimizers.ipopt import Ipopt, Iterate, Limits, Outcome
 from solvers.problem import OptimalControlProblem
 from solvers.program import NonlinearProgram
 from solvers.progress import Progress, ProgressReport
@@ -53,7 +53,7 @@ class Solved:
 class Session:
     """Solves mesh after mesh within the limits of one document, and keeps the account.
 
-    ``barrier``: where the barrier parameter of warm solves starts.
+    ``barrier``: where the barrier parameter of warm solves starts; None where it adapts.
     """
 
     problem: OptimalControlProblem
@@ -65,7 +65,7 @@ class Session:
     seconds: dict[str, float] = field(default_factory=lambda: {"build": 0.0, "solve": 0.0, "refine": 0.0})
     convergence: list[dict[str, Any]] = field(default_factory=list)
     iterations: int = 0
-    barrier: float = WARM_BARRIER
+    barrier: float | None = None
 
     @property
     def stop(self) -> SolveStatus | None:
@@ -101,7 +101,7 @@ class Session:
             )
 
         # A key is also told by how the optimizer is set, which is compiled in.
-        key = (transcription.key, self.tolerance, self.max_iterations, warm and self.barrier)
+        key = (transcription.key, self.tolerance, self.max_iterations, warm, warm and self.barrier)
         known = STRUCTURES.take(key)
         if known is not None:
             transcription.builder = known.builder
@@ -129,5 +129,5 @@ class Session:
             tolerance=self.tolerance,
             max_iterations=self.max_iterations,
             warm=warm,
-            barrier=self.barrier,
+            barrier=self.barrier if warm else None,
         )

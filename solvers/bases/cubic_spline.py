@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy import sparse
 from scipy.interpolate import BSpline
 
-from solvers.bases.banded import solve_banded_system
+from solvers.bases.banded import BandedMatrix, solve_banded_system
 
 Array = NDArray[np.float64]
 
@@ -145,12 +145,12 @@ class CubicSplineSpace:
 
         ``values`` has shape (N,) or (N, m), in the ascending order of the points. One banded solve, O(N).
         """
-        return solve_banded_system(self._interpolation, self._checked(values))
+        return self._interpolation.solve(self._checked(values))
 
     @cached_property
-    def _interpolation(self) -> sparse.csr_array:
+    def _interpolation(self) -> BandedMatrix:
         """Values at the points of :meth:`interpolate` from coefficients."""
-        return self.matrix(self.interpolation_points)
+        return BandedMatrix(self.matrix(self.interpolation_points))
 
     def prolong(self, coefficients: ArrayLike, finer: CubicSplineSpace) -> Array:
         """Coefficients of the same functions in the ``finer`` space, whose knots contain these. O(N).

@@ -50,6 +50,7 @@ class GradedKnots:
             raise ValueError("the intervals must be a graded dyadic partition with L > 4 roots")
 
     @classmethod
+    @lru_cache(maxsize=64)
     def uniform(cls, L: int, J: int) -> GradedKnots:
         """2^J L equal intervals."""
         return cls(L, np.full(L << J, J, np.int64))
@@ -99,7 +100,7 @@ class GradedKnots:
             np.unique(self._starts[self.levels > level] >> (FINEST - level)) for level in range(self.finest)
         ]
 
-    @property
+    @cached_property
     def space(self) -> CubicSplineSpace:
         """The splines on these knots."""
         return CubicSplineSpace(self.knots)

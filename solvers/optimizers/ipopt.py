@@ -16,14 +16,22 @@ from solvers.status import SolveStatus
 
 Vector = NDArray[np.float64]
 
-_REPORT_EVERY = 0.1  # seconds; a report copies all unknowns, which would cost more than a small iteration
+_REPORT_EVERY = 0.1  # seconds; a report copies all rows, which would cost more than a small iteration
+# Iterations on few unknowns take less time than asking whether to stop: ask every few of them.
+_LONGEST_STEP = 4
+_WATCHED_UNKNOWNS = 4000
 
-# Measured on the cases (docs/benchmarks.md): from a guess the adaptive barrier needs two thirds of the
-# iterations of the monotone one; near a solution a small barrier needs no strategy.
-_COLD = {"ipopt.mu_strategy": "adaptive"}
-_WARM = {"ipopt.bound_push": 1e-6, "ipopt.bound_frac": 1e-6}
-WARM_BARRIER = 1e-4
-"""Where the barrier parameter starts when the initial point is close to the solution."""
+# Measured on the cases (docs/benchmarks.md): the adaptive barrier needs two thirds of the iterations of the
+# monotone one, from a guess and from the answer on a coarser mesh.
+_ADAPTIVE = {"ipopt.mu_strategy": "adaptive"}
+# Whether a step solves its linear equations is not looked at: the end of a solve is judged by the error of
+# the optimality conditions, and on every case the iterations stay the same. Exact programs need exact steps.
+_FAST = {"ipopt.fast_step_computation": "yes"}
+_EXACT_BELOW = 1e-9
+# How far from its bounds a point near the solution is moved before the first iteration; with a barrier that
+# is given, hardly at all.
+_NEAR = {"ipopt.bound_push": 1e-4, "ipopt.bound_frac": 1e-4}
+_GIVEN = {"ipopt.bound_push": 1e-6, "ipopt.bound_frac": 1e-6}
 
 # A column is dense from this part of all rows on; the two times are dense by nature and do no harm.
 _DENSE_PART = 0.05
@@ -75,7 +83,8 @@ class Limits:
 class Ipopt:
     """IPOPT on the functions of one program; serves every program of the same structure, one at a time.
 
-    ``warm`` says that initial points are close to solutions: the barrier starts at ``barrier``.
+    ``warm`` says that initial points are close to solutions. ``barrier``: where the barrier parameter starts,
+    and falls from; by default it adapts.
     """
 
     def __init__(
@@ -85,7 +94,7 @@ class Ipopt:
         tolerance: float,
         max_iterations: int,
         warm: bool = False,
-        barrier: float = WARM_BARRIER,
+        barrier: float | None = None,
     ) -> None:
         compiled = compile_program(program)
         self._watcher = _Watcher(program)
@@ -94,6 +103,7 @@ class Ipopt:
             "show_eval_warnings": False,
             "error_on_fail": False,
             "iteration_callback": self._watcher,
+            "iteration_callback_step": self._watcher.step,
             "grad_f": compiled.gradient,
             "jac_g": compiled.jacobian,
             "hess_lag": compiled.hessian,
@@ -105,7 +115,11 @@ class Ipopt:
             "ipopt.bound_relax_factor": 0.0,
             "ipopt.mumps_pivot_order": _ordering(compiled.jacobian.sparsity_out(1)),
         }
-        options |= {**_WARM, "ipopt.mu_init": barrier} if warm else _COLD
+        options |= _ADAPTIVE if barrier is None else {"ipopt.mu_init": barrier}
+        if tolerance >= _EXACT_BELOW:
+            options |= _FAST
+        if warm:
+            options |= _NEAR if barrier is None else _GIVEN
         functions = {"x": compiled.w, "p": compiled.p, "f": compiled.objective, "g": compiled.constraints}
         self._solver = ca.nlpsol("solver", "ipopt", functions, options)
 
@@ -155,11 +169,12 @@ def _ordering(jacobian: ca.Sparsity) -> int:
 
 
 class _Watcher(ca.Callback):
-    """Called by IPOPT after each iteration; a return value of 1 stops it and keeps the iterate."""
+    """Called by IPOPT every ``step`` iterations; a return value of 1 stops it and keeps the iterate."""
 
     def __init__(self, program: NonlinearProgram) -> None:
         ca.Callback.__init__(self)
         self._sizes = {"f": 1, "g": program.constraints}
+        self.step = min(_LONGEST_STEP, 1 + _WATCHED_UNKNOWNS // program.variables)
         self.construct("watcher", {})
 
     def begin(self, program: NonlinearProgram, limits: Limits, report: Callable[[Iterate], None]) -> None:
@@ -182,7 +197,7 @@ class _Watcher(ca.Callback):
         return ca.Sparsity.dense(size, 1) if size else ca.Sparsity(0, 0)
 
     def eval(self, values: Sequence[ca.DM]) -> list[int]:
-        self._iterations += 1
+        self._iterations += self.step
         try:
             return [int(self._watch(values))]
         except Exception as error:  # noqa: BLE001  CasADi swallows it: keep it, stop, raise it after the solve

@@ -13,7 +13,6 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from solvers.optimizers.ipopt import WARM_BARRIER
 from solvers.problem import OptimalControlProblem
 from solvers.refine.detection import find_structure
 from solvers.refine.mesh import ArcMesh, first_mesh
@@ -41,8 +40,9 @@ WRONG_SIGN = 1e-3
 It is left where switches accumulate or structures would take turns.
 """
 
-# Where IPOPT ends for its tolerance.
+# Where IPOPT ends for its tolerance; and a low start, from which the known arcs are seldom left.
 _NO_BARRIER = PROGRAM_TOLERANCE / 11.0
+_LOW_BARRIER = 1e-4
 # An arc of this part of the horizon does not vanish.
 _FIRM = 0.02
 _ROUNDS = 16
@@ -138,7 +138,7 @@ class Search:
             return None
         segments = _LOOK_SEGMENTS << self.looks
         self.looks += 1
-        self.session.barrier = WARM_BARRIER
+        self.session.barrier = None
         transcription = GaussPseudospectral(
             self.session.problem,
             self.session.scaling,
@@ -168,7 +168,7 @@ class Search:
         # Without free controls, and with arcs that are there to stay, there is no bound to stay away from:
         # three steps of Newton's method.
         firm = not structure.is_free and np.diff(structure.edges).min() >= _FIRM
-        self.session.barrier = _NO_BARRIER if firm else WARM_BARRIER
+        self.session.barrier = _NO_BARRIER if firm else _LOW_BARRIER
         return self.session.solve(transcription, f"switching {round_ + 1}", _share(round_), warm=True)
 
     def _keep(self, found: Refined) -> None:

@@ -78,16 +78,17 @@ class Assembly(ABC):
         self, function: ca.Function, instants: Instants, extra: Sequence[sparse.csr_array] = ()
     ) -> Places:
         """Apply a function of :class:`NodeSymbols` at these instants."""
-        span = instants.span or self.span(instants.tau.size)
-        design = self.scalar_rows("design", instants.tau.size)
-        blocks = [*instants.states, *extra, *instants.controls, *design, *span]
-        tau = instants.tau
+        count = instants.tau.size
+        start, stop = instants.span or self.span(count)
+        duration = sparse.csr_array(stop - start)
+        time = sparse.csr_array(start + sparse.diags_array(instants.tau) @ duration)
+        design = self.scalar_rows("design", count)
+        blocks = [*instants.states, *extra, *instants.controls, *design, time, duration]
+        return self.builder.apply(function, blocks, lambda this: this.parameter_columns(count))
 
-        def numbers(this: Assembly) -> Vector:
-            parameters = np.array(list(this.problem.parameters.values()), np.float64)
-            return np.vstack([tau, np.tile(parameters[:, None], (1, tau.size))])
-
-        return self.builder.apply(function, blocks, numbers)
+    def parameter_columns(self, count: int) -> Vector:
+        """The parameters as a column for each of ``count`` places."""
+        return np.tile(np.array([[*self.problem.parameters.values()]], np.float64).T, (1, count))
 
     def span(self, count: int) -> tuple[sparse.csr_array, sparse.csr_array]:
         """Rows of t0 and of tf, ``count`` times each."""
@@ -192,9 +193,7 @@ class Assembly(ABC):
         blocks = [rows[[side]] for side in (0, -1) for rows in (*nodes.states, *nodes.controls)]
         blocks += [row for name in ("design", "integrals", "times") for row in self.scalar_rows(name, 1)]
         function = ca.Function("ends", [z, p], [ca.vertcat(*values)])
-        places = self.builder.apply(
-            function, blocks, lambda this: np.array([*this.problem.parameters.values()]).reshape(-1, 1)
-        )
+        places = self.builder.apply(function, blocks, lambda this: this.parameter_columns(1))
         self._constrain_expressions(
             places, problem.boundary, 1, lambda this: _tiled(this.problem.boundary, 1)
         )

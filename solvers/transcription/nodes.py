@@ -1,9 +1,10 @@
 """Nodes: where they are among the unknowns, and the symbols of one node as the model wants them.
 
-The local variables of a node are z = (x, u, d, ta, tb), where d are the design parameters and [ta, tb] is the
-span of time on which its tau counts from 0 to 1: all of [t0, tf], or an arc of it. States in ``per_tau``
-stand in z as derivatives with respect to tau and are divided by the duration before the model sees them. The
-numbers of a node are P = (tau, parameters).
+The local variables of a node are z = (x, u, d, t, T), where d are the design parameters, T = tb - ta is the
+duration of the span of time on which its tau counts from 0 to 1 (all of [t0, tf], or an arc of it) and
+t = ta + tau T. Both are linear in the unknowns; a model without t then has no derivatives with respect to it.
+States in ``per_tau`` stand in z as derivatives with respect to tau and are divided by T before the model sees
+them. The numbers of a node are P, the parameters.
 """
 
 from __future__ import annotations
@@ -46,15 +47,13 @@ class NodeSymbols:
         n, m = len(problem.states), len(problem.controls)
         design = [item.name for item in problem.design]
         self.z = ca.SX.sym("z", n + accelerations + m + len(design) + 2)
-        self.p = ca.SX.sym("p", 1 + len(problem.parameters))
+        self.p = ca.SX.sym("p", len(problem.parameters))
         parts = ca.vertsplit(self.z)
-        start, stop = parts[-2:]
-        self.duration = stop - start
+        self.t, self.duration = parts[-2:]
         self.x = [part / self.duration if i in per_tau else part for i, part in enumerate(parts[:n])]
         self.accelerations = [part / self.duration**2 for part in parts[n : n + accelerations]]
         self.u = parts[n + accelerations : n + accelerations + m]
-        self.t = start + self.p[0] * self.duration
-        self.parameters = dict(zip(problem.parameters, ca.vertsplit(self.p)[1:], strict=True))
+        self.parameters = dict(zip(problem.parameters, ca.vertsplit(self.p), strict=True))
         self.parameters |= dict(zip(design, parts[n + accelerations + m : -2], strict=True))
         self.scope: dict[str, Any] = problem.scope(self.x, self.u, self.t, self.parameters, CASADI)
 

@@ -32,7 +32,6 @@ from numpy.typing import NDArray
 from scipy import sparse
 from scipy.interpolate import BSpline
 
-from solvers.backends import NUMPY
 from solvers.bases.banded import solve_banded_system
 from solvers.bases.graded import GradedKnots
 from solvers.bases.legendre import legendre_gauss
@@ -40,7 +39,6 @@ from solvers.coefficients import SPLINE_WAVELET
 from solvers.costates import second_order_costates
 from solvers.curves import Curve, DerivativeCurve, LinearCurve, SplineCurve
 from solvers.quantities import Interval
-from solvers.scaling import nearest_power_of_two
 from solvers.symbolic import CASADI
 from solvers.trajectory import Trajectory
 from solvers.transcription.base import Transcription, control_columns
@@ -80,7 +78,7 @@ class SplineWavelet(Transcription):
     @property
     def mesh(self) -> Hashable:
         """The knots, how controls stand in the unknowns, and the scales of the equations of motion."""
-        scale = tuple(self._residual_scale()) if self._second_order else ()
+        scale = tuple(self.scaling.equations) if self._second_order else ()
         return tuple(self.space.knots), self._smooth_controls, scale
 
     def allocate(self) -> None:
@@ -149,7 +147,7 @@ class SplineWavelet(Transcription):
             residual = self.problem.dynamics.residual(symbols.accelerations, symbols.scope, CASADI)
             accelerations = self._spline_rows(self.points, 2)
             places = self.apply(symbols.function("residual", residual), instants, accelerations)
-            scale = np.tile(self._residual_scale(), self.points.size)
+            scale = np.tile(self.scaling.equations, self.points.size)
             self.builder.constrain(fixed(0.0, 0.0), scale=scale, places=places)
             self.builder.places["residual"] = places
             return
@@ -168,8 +166,10 @@ class SplineWavelet(Transcription):
         velocities: list[Curve] = [
             DerivativeCurve(splines[i - self._splines], 1.0 / (tf - t0)) for i in self.per_tau
         ]
-        at_points = self._control_rows(self.points)
-        values = [at_points @ unknowns[block.start : block.stop] for block in self.builder.blocks["controls"]]
+        values = [unknowns[block.start : block.stop] for block in self.builder.blocks["controls"]]
+        if self._smooth_controls:
+            at_points = self._control_rows(self.points)
+            values = [at_points @ row for row in values]
         controls = [
             LinearCurve(self.points, self._as_flown(row, bounds))
             for row, bounds in zip(values, self.problem.control_bounds, strict=True)
@@ -252,27 +252,6 @@ class SplineWavelet(Transcription):
         """Rows of the derivative of each spline with respect to tau."""
         matrix = self.space.matrix(tau, derivative)
         return [self.builder.rows_of(block, matrix) for block in self.builder.blocks["coefficients"]]
-
-    def _residual_scale(self) -> Vector:
-        """The largest inertial term of each equation when the coordinates move by their scales."""
-        problem, guess = self.problem, self.problem.guess
-        start = np.zeros(1)
-        scope = problem.scope(
-            guess.states_at(start)[:, 0],
-            guess.controls_at(start)[:, 0],
-            guess.t0,
-            {**problem.parameters, **guess.design},
-            NUMPY,
-        )
-        none = np.zeros(self._splines)
-        still = np.array(problem.dynamics.residual(none, scope, NUMPY), np.float64)
-        columns = [
-            np.array(problem.dynamics.residual(row, scope, NUMPY), np.float64) - still
-            for row in np.eye(self._splines)
-        ]
-        inertial = np.abs(np.column_stack(columns)) * self.scaling.states[: self._splines]
-        duration = guess.tf - guess.t0
-        return np.array([nearest_power_of_two(size) for size in inertial.max(axis=1) / duration**2])
 
 
 def _quadratic_splines(knots: Vector, tau: Vector) -> sparse.csr_array:

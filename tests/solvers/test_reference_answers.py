@@ -117,7 +117,7 @@ def test_the_returned_command_steers_an_independent_integration_to_the_target(
 
 def test_a_fine_level_starts_from_the_answer_of_a_coarse_one(flexible_spacecraft: dict[str, Any]) -> None:
     solution = answer(flexible_spacecraft, name="swcm", J=6)
-    assert [level["nodes"] for level in solution.convergence] == [8 * 2**2 + 1, 8 * 2**6 + 1]
+    assert [level["nodes"] for level in solution.convergence] == [8 * 2**3 + 1, 8 * 2**6 + 1]
     assert solution.convergence[0]["objective"] != solution.objective
     assert solution.success
 
