@@ -220,6 +220,11 @@ def plot(job_id: str, kind: Literal["svg", "png"] = "svg") -> Call[bytes]:
     return Call("GET", _of(job_id, f"/plot.{kind}"), read_bytes)
 
 
+def bundle(job_id: str) -> Call[bytes]:
+    """Read everything about a final job as one ZIP file, for ``ondelette replay``."""
+    return Call("GET", _of(job_id, "/bundle.zip"), read_bytes)
+
+
 def spec(job_id: str) -> Call[dict[str, Any]]:
     """Read the document as it was submitted."""
     return Call("GET", _of(job_id, "/spec"), read_json)

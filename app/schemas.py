@@ -48,6 +48,7 @@ class JobLinks(BaseModel):
     result: str
     trajectory: str
     plot: str
+    bundle: str
 
 
 class JobView(BaseModel):
@@ -110,6 +111,7 @@ class JobView(BaseModel):
                 result=f"{here}/result",
                 trajectory=f"{here}/trajectory",
                 plot=f"{here}/plot.svg",
+                bundle=f"{here}/bundle.zip",
             ),
         )
 

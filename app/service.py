@@ -149,9 +149,13 @@ class Service:
             return result
         record = self.store.get(job_id)
         if not record.status.final:
-            detail = f"The job is {record.status}; its result can be read when its status is final."
-            raise ServiceError("not-ready", detail, headers={"Retry-After": str(self.retry_after(record))})
+            raise self.not_ready(record)
         raise ServiceError("no-result", f"The job {record.status} without any iterate, so it has no result.")
+
+    def not_ready(self, record: JobRecord) -> ServiceError:
+        """Return the refusal of what only a final job has."""
+        detail = f"The job is {record.status}; its result can be read when its status is final."
+        return ServiceError("not-ready", detail, headers={"Retry-After": str(self.retry_after(record))})
 
 
 def new_record(spec: JobSpec, size: ProblemSize, sweep: SweepPlace | None = None) -> JobRecord:

@@ -16,6 +16,7 @@ from app.cli.cases import case, cases
 from app.cli.common import CommandGroup
 from app.cli.demo import demo
 from app.cli.jobs import cancel, list_jobs, result, submit, watch
+from app.cli.replay import replay
 from app.cli.service import api, serve, worker
 from app.cli.solve import solve
 
@@ -31,6 +32,7 @@ for command in (
     api,
     worker,
     solve,
+    replay,
     submit,
     watch,
     result,

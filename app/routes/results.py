@@ -15,11 +15,14 @@ from numpy.typing import NDArray
 from app.errors import ServiceError, wrong_parameter
 from app.negotiation import chosen_type
 from app.openapi import refusals
+from app.schemas import JobView
 from app.service import Service, Shared
+from solvers.bundle import pack
 from solvers.export import to_csv, to_mat, to_npz
 from solvers.plot import render
 from solvers.sampling import problem_of, sample
 from solvers.trajectory import Trajectory
+from worker.records import JobEvent, timestamp
 
 router = APIRouter(prefix="/v1/jobs/{job_id}", tags=["results"])
 
@@ -107,6 +110,31 @@ def plot_svg(service: Shared, job_id: str) -> Response:
 def plot_png(service: Shared, job_id: str) -> Response:
     """Draw the same picture as PNG."""
     return _plot(service, job_id, "png", "image/png")
+
+
+@router.get(
+    "/bundle.zip",
+    response_class=Response,
+    responses={200: {"content": {"application/zip": {}}}, **refusals(404, 409, 410, 503)},
+)
+def bundle(service: Shared, job_id: str) -> Response:
+    """Return everything to repeat the job elsewhere, for ``ondelette replay``; what failed has no result."""
+    record, text = service.store.get(job_id), service.store.result(job_id)
+    if not record.status.final:
+        raise service.not_ready(record)
+    packed = pack(
+        service.store.document(job_id),
+        JobView.of(record).model_dump(mode="json"),
+        None if text is None else json.loads(text),
+        [_log_line(event) for event in service.store.events(job_id)],
+    )
+    headers = {"Content-Disposition": f'attachment; filename="{job_id}.zip"'}
+    return Response(packed, media_type="application/zip", headers=headers)
+
+
+def _log_line(event: JobEvent) -> str:
+    moment = timestamp(int(event.number.partition("-")[0]) / 1000)
+    return f"{moment} {event.kind} {json.dumps(event.data)}"
 
 
 def _plot(service: Service, job_id: str, kind: Literal["svg", "png"], media: str) -> Response:

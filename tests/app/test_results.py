@@ -2,6 +2,7 @@ import csv
 import io
 import json
 import xml.etree.ElementTree
+import zipfile
 import zlib
 from collections.abc import Callable
 from typing import Any
@@ -11,6 +12,7 @@ import numpy as np
 import pytest
 from scipy.io import loadmat
 
+from solvers.bundle import unpack
 from tests.problems import problem
 from worker.records import JobStatus
 
@@ -210,3 +212,18 @@ class TestPlot:
         response = client.get(f"{done}/plot.png")
         assert response.headers["content-type"] == "image/png"
         assert response.content.startswith(b"\x89PNG\r\n")
+
+
+def test_a_bundle(client: httpx.Client, job: Callable[..., str], solved: bytes) -> None:
+    done = job(JobStatus.SUCCEEDED, solved)
+    response = client.get(f"/v1/jobs/{done}/bundle.zip")
+    assert response.headers["content-type"] == "application/zip"
+    bundle = unpack(response.content)
+    assert bundle.document == client.get(f"/v1/jobs/{done}/spec").content
+    assert bundle.result == client.get(f"/v1/jobs/{done}/result").json()
+    with zipfile.ZipFile(io.BytesIO(response.content)) as archive:
+        assert json.loads(archive.read("job.json")) == client.get(f"/v1/jobs/{done}").json()
+        assert '"succeeded"' in archive.read("log.txt").decode().splitlines()[-1]
+    assert unpack(client.get(f"/v1/jobs/{job(JobStatus.FAILED)}/bundle.zip").content).result is None
+    problem(client.get(f"/v1/jobs/{job()}/bundle.zip"), 409, "not-ready")
+    problem(client.get("/v1/jobs/x/bundle.zip"), 404, "not-found")
