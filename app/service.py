@@ -6,7 +6,7 @@ import json
 import math
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Annotated, cast
 
 from fastapi import Depends, Request
@@ -71,24 +71,41 @@ class Service:
         spec, size = check(body)
         self.find_start(spec)
         record = new_record(spec, size)
-        job_id = self.once(key, body, record.id, lambda: self._make(record, spec, body))
+        job_id = self.once(
+            key,
+            body,
+            record.id,
+            lambda job_id: self._make(replace(record, id=job_id), spec, body),
+            self.store.exists,
+        )
         return record if job_id == record.id and not spec.reuse else self.store.get(job_id)
 
-    def once(self, key: str | None, body: bytes, new_id: str, make: Callable[[], None]) -> str:
-        """Make something with ``new_id``, unless the client's ``key`` made it before; return its id."""
+    def once(
+        self,
+        key: str | None,
+        body: bytes,
+        new_id: str,
+        make: Callable[[str], None],
+        made: Callable[[str], bool],
+    ) -> str:
+        """Make something with ``new_id``, or with the id that the client's ``key`` was bound to before.
+
+        Returns the id. Nothing is done if it was ``made``, be it by a process that did not live to say so.
+        """
         if key is None:
-            make()
+            make(new_id)
             return new_id
-        made = self.claims.take(key, body, new_id)
-        if made != new_id:
-            return made
+        bound, settled = self.claims.take(key, body, new_id)
+        if settled:
+            return bound
         try:
-            make()
+            if not made(bound):
+                make(bound)
         except Exception:
             self.claims.release(key)
             raise
-        self.claims.settle(key, body, new_id)
-        return new_id
+        self.claims.settle(key)
+        return bound
 
     def find_start(self, spec: JobSpec) -> None:
         """Refuse a document that wants to start from a job that is unknown or has no result yet."""

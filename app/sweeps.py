@@ -78,7 +78,9 @@ def submit_sweep(service: Service, body: bytes, key: str | None) -> str:
     for spec in {point.spec.warm_start: point.spec for point in plan.points}.values():
         service.find_start(spec)
     sweep_id = new_job_id()
-    return service.once(key, body, sweep_id, lambda: _queue(service, sweep_id, plan))
+    return service.once(
+        key, body, sweep_id, lambda bound: _queue(service, bound, plan), service.sweeps.exists
+    )
 
 
 def _queue(service: Service, sweep_id: str, plan: SweepPlan) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-import json
+import time
 from typing import cast
 
 from redis import Redis
@@ -16,6 +16,23 @@ KEPT_SECONDS = 86_400
 
 _IN_FLIGHT_SECONDS = 60
 
+# A key is bound to an id before anything is made with it, and for good: whoever comes again after a broken
+# connection or a killed process makes, or finds, what has that id.
+_TAKE = """
+-- KEYS = claim. ARGV = print of the body, new id, now, seconds of a flight, seconds for which it is kept.
+local claim = redis.call('HMGET', KEYS[1], 'body', 'id', 'since')
+if not claim[1] then
+  redis.call('HSET', KEYS[1], 'body', ARGV[1], 'id', ARGV[2], 'since', ARGV[3])
+  redis.call('EXPIRE', KEYS[1], ARGV[5])
+  return {'free', ARGV[2]}
+end
+if claim[1] ~= ARGV[1] then return {'reused', ''} end
+if claim[3] == '' then return {'settled', claim[2]} end
+if ARGV[3] - claim[3] < tonumber(ARGV[4]) then return {'in flight', ''} end
+redis.call('HSET', KEYS[1], 'since', ARGV[3])
+return {'free', claim[2]}
+"""
+
 
 class KeyInFlight(OndeletteError):
     """The first submission with this key has not been answered yet."""
@@ -26,40 +43,35 @@ class KeyReused(OndeletteError):
 
 
 class Claims:
-    """Who used which key for which body and job."""
+    """Who used which key for which body, and the id of what was made with it."""
 
     def __init__(self, redis: Redis, settings: QueueSettings) -> None:
         self._redis = redis
         self._prefix = settings.prefix
+        self._take = redis.register_script(_TAKE)
 
-    def take(self, key: str, body: bytes, job_id: str) -> str:
-        """Claim ``key`` for a new job; return ``job_id``, or the id of the job that was made with it before.
+    def take(self, key: str, body: bytes, new_id: str) -> tuple[str, bool]:
+        """Claim ``key``; return the id to make something with, and whether that is known to be made.
 
-        Raises KeyInFlight and KeyReused. A claim that is neither settled nor released lapses after a minute.
+        It is ``new_id``, or the id of the first submission with the key. Raises KeyInFlight and KeyReused.
+        Somebody else may go on with a claim that is neither settled nor released after a minute.
         """
-        name = self._name(key)
-        print_ = hashlib.sha256(body).hexdigest()
-        claim = json.dumps({"body": print_, "job": job_id, "settled": False})
-        if self._redis.set(name, claim, nx=True, ex=_IN_FLIGHT_SECONDS):
-            return job_id
-        earlier = cast(bytes | None, self._redis.get(name))
-        if earlier is None:  # It lapsed in between.
-            return self.take(key, body, job_id)
-        members = json.loads(earlier)
-        if members["body"] != print_:
+        words = (hashlib.sha256(body).hexdigest(), new_id, time.time(), _IN_FLIGHT_SECONDS, KEPT_SECONDS)
+        answer = cast(list[bytes], self._take(keys=[self._name(key)], args=words))
+        state, claimed = (word.decode() for word in answer)
+        if state == "reused":
             raise KeyReused(key)
-        if not members["settled"]:
+        if state == "in flight":
             raise KeyInFlight(key)
-        return str(members["job"])
+        return claimed, state == "settled"
 
-    def settle(self, key: str, body: bytes, job_id: str) -> None:
-        """Remember that ``key`` made a job."""
-        claim = {"body": hashlib.sha256(body).hexdigest(), "job": job_id, "settled": True}
-        self._redis.set(self._name(key), json.dumps(claim), ex=KEPT_SECONDS)
+    def settle(self, key: str) -> None:
+        """Remember that something was made with the id of ``key``."""
+        self._redis.hset(self._name(key), "since", "")
 
     def release(self, key: str) -> None:
-        """Forget a claim whose job could not be queued."""
-        self._redis.delete(self._name(key))
+        """Let others go on at once with a claim with which nothing could be made."""
+        self._redis.hset(self._name(key), "since", "0")
 
     def _name(self, key: str) -> str:
         # Hashed: a key is somebody else's text of any length.

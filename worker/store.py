@@ -166,6 +166,10 @@ class JobStore:
             return _record(fields)
         raise JobGone(job_id) if known else JobNotFound(job_id)
 
+    def exists(self, job_id: str) -> bool:
+        """Tell whether a job is remembered."""
+        return bool(self.redis.exists(self._keys(job_id)[0]))
+
     def statuses(self, job_ids: Sequence[str]) -> list[JobStatus | None]:
         """Return the status of each job, None for one that is not remembered."""
         with self.redis.pipeline(transaction=False) as pipe:

@@ -116,7 +116,7 @@ class SweepStore:
         self._store = store
         self._redis = store.redis
         self._prefix = settings.prefix
-        self._retention = max(1, round(settings.retention_days * 86_400))
+        self._retention = settings.retention_seconds
         self._note = cast(Callable[..., Any], self._redis.register_script(_NOTE))
 
     def add(self, sweep: SweepRecord, jobs: Sequence[tuple[JobRecord, bytes]], values: Sequence[Any]) -> None:
@@ -129,6 +129,10 @@ class SweepStore:
             for record, document in jobs:
                 self._store.add_to(pipe, record, document)
             pipe.execute()
+
+    def exists(self, sweep_id: str) -> bool:
+        """Tell whether a sweep is remembered."""
+        return bool(self._redis.exists(self._keys(sweep_id)[0]))
 
     def get(self, sweep_id: str) -> SweepRecord:
         """Return the record of a sweep."""

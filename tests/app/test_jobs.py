@@ -7,11 +7,13 @@ from urllib.parse import urlsplit
 import httpx
 import pytest
 from fastapi import FastAPI
+from redis.exceptions import ConnectionError
 
 from app.main import create_app
 from app.settings import Settings
 from tests.app.conftest import served
 from tests.problems import problem
+from worker.errors import QueueUnavailable
 from worker.queue import JobQueue, make_celery
 from worker.records import FailureType, JobError, JobStatus, new_job_id
 from worker.settings import QueueSettings
@@ -142,6 +144,48 @@ class TestIdempotency:
             "/v1/jobs", content=body, headers={"Idempotency-Key": "a key", "Content-Type": "application/json"}
         )
         problem(response, 409, "conflict")
+
+    def test_a_job_whose_process_ended_before_it_could_say_so_is_found_again(
+        self,
+        app: FastAPI,
+        client: httpx.Client,
+        document: dict[str, Any],
+        monkeypatch: pytest.MonkeyPatch,
+    ) -> None:
+        claims = app.state.service.claims
+        headers = {"Idempotency-Key": "a key"}
+
+        def end(key: str) -> None:
+            raise ConnectionError
+
+        with monkeypatch.context() as ended:
+            ended.setattr(claims, "settle", end)
+            ended.setattr(claims, "release", lambda key: None)
+            problem(client.post("/v1/jobs", json=document, headers=headers), 503, "unavailable")
+        (made,) = client.get("/v1/jobs").json()["jobs"]
+        problem(client.post("/v1/jobs", json=document, headers=headers), 409, "conflict")
+        claims.release("a key")
+        for _ in range(2):
+            again = client.post("/v1/jobs", json=document, headers=headers)
+            assert (again.status_code, again.json()["id"]) == (202, made["id"])
+        assert [job["id"] for job in client.get("/v1/jobs").json()["jobs"]] == [made["id"]]
+
+    def test_a_key_with_which_nothing_could_be_made_may_be_used_at_once(
+        self,
+        app: FastAPI,
+        client: httpx.Client,
+        document: dict[str, Any],
+        monkeypatch: pytest.MonkeyPatch,
+    ) -> None:
+        def away(record: object) -> None:
+            raise QueueUnavailable
+
+        headers = {"Idempotency-Key": "a key"}
+        with monkeypatch.context() as ended:
+            ended.setattr(type(app.state.service.queue), "enqueue", lambda queue, record: away(record))
+            problem(client.post("/v1/jobs", json=document, headers=headers), 503, "unavailable")
+        assert client.get("/v1/jobs").json()["jobs"] == []
+        assert client.post("/v1/jobs", json=document, headers=headers).status_code == 202
 
     def test_a_refused_document_does_not_use_the_key(
         self, client: httpx.Client, document: dict[str, Any]
