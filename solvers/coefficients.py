@@ -66,7 +66,10 @@ def decode(coefficients: Mapping[str, Any], node_controls: Mapping[str, Any], du
 
 
 def _encode_spline_wavelet(basis: Mapping[str, Any], states: Curves, controls: Curves) -> dict[str, Any]:
-    """Coefficients level by level; those of a control represent its nodal values, for the picture."""
+    """Coefficients level by level; those of a control represent its nodal values, for the picture.
+
+    Rated controls are straight lines: their values at the points stand under ``ramps``.
+    """
     wavelets = _wavelets(basis)
     space = wavelets.spline
     splines = {name: curve for name, curve in states.items() if isinstance(curve, SplineCurve)}
@@ -82,6 +85,10 @@ def _encode_spline_wavelet(basis: Mapping[str, Any], states: Curves, controls: C
         "controls": {
             name: wavelets.from_spline(space.interpolate(curve(space.interpolation_points))).tolist()
             for name, curve in controls.items()
+            if isinstance(curve, LinearCurve)
+        },
+        "ramps": {
+            name: curve.values.tolist() for name, curve in states.items() if isinstance(curve, LinearCurve)
         },
     }
 
@@ -99,9 +106,15 @@ def _decode_spline_wavelet(
     }
     for name, owner in basis["velocities"].items():
         states[name] = DerivativeCurve(states[owner], 1.0 / duration)
+    controls: dict[str, Curve] = {
+        name: LinearCurve(points, np.asarray(values, float)) for name, values in node_controls.items()
+    }
+    for name in basis.get("ramps", ()):
+        states[name] = LinearCurve(points, np.asarray(coefficients["ramps"][name], float))
+        controls[f"{name}_dot"] = DerivativeCurve(states[name], 1.0 / duration)
     return Decoded(
         states,
-        {name: LinearCurve(points, np.asarray(values, float)) for name, values in node_controls.items()},
+        controls,
         "linear",
         np.union1d(points, space.knots),
         points,

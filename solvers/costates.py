@@ -29,7 +29,7 @@ def second_order_costates(
     dynamics = problem.dynamics
     n = dynamics.coordinates
     tau = trajectory.nodes
-    x, u = ca.SX.sym("x", 2 * n), ca.SX.sym("u", len(problem.controls))
+    x, u = ca.SX.sym("x", len(problem.states)), ca.SX.sym("u", len(problem.controls))
     t, mu, velocity_costate = ca.SX.sym("t"), ca.SX.sym("mu", n), ca.SX.sym("lambda", n)
     states, controls = ca.vertsplit(x), ca.vertsplit(u)
     scope = problem.scope(states, controls, t, problem.parameters_of(trajectory), CASADI)
@@ -37,7 +37,7 @@ def second_order_costates(
     residual = ca.vertcat(*map(ca.SX, dynamics.residual(ca.vertsplit(acceleration), scope, CASADI)))
     mass = ca.jacobian(residual, acceleration)
     rate = problem.rate(states, controls, t, problem.parameters_of(trajectory), CASADI)
-    hamiltonian = ca.dot(velocity_costate, ca.vertcat(*rate[n:]))
+    hamiltonian = ca.dot(velocity_costate, ca.vertcat(*rate[n : 2 * n]))
     if problem.running_cost is not None:
         hamiltonian += problem.running_cost.evaluate(scope, CASADI.functions)
     numbers = trajectory.states_at(tau), trajectory.controls_at(tau), trajectory.time(tau)[None, :]
@@ -45,6 +45,6 @@ def second_order_costates(
     averaged = of_velocities.map(tau.size)(numbers[0], multipliers.T).full()
     lambda_v = space.dual_values(averaged.T, 2).T
     lambda_v_rate = CubicSpline(tau, lambda_v, axis=1)(tau, 1) / trajectory.duration
-    slope = ca.Function("slope", [x, u, t, velocity_costate], [ca.gradient(hamiltonian, x[n:])])
+    slope = ca.Function("slope", [x, u, t, velocity_costate], [ca.gradient(hamiltonian, x[n : 2 * n])])
     dissipation = slope.map(tau.size)(*numbers, lambda_v).full()
     return np.vstack([-lambda_v_rate - dissipation, lambda_v])

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, Protocol
 
 import numpy as np
@@ -73,7 +73,9 @@ class WarmStart:
 
     def states_at(self, tau: Vector) -> Vector:
         """See :class:`Start`."""
-        return _named(self.earlier.states, self.states, self.guess.states_at(tau), tau)
+        # What is a state here may have been a control there.
+        curves = {**self.earlier.controls, **self.earlier.states}
+        return _named(curves, self.states, self.guess.states_at(tau), tau)
 
     def controls_at(self, tau: Vector) -> Vector:
         """See :class:`Start`."""
@@ -93,6 +95,19 @@ class Guess:
     states: tuple[tuple[Vector, Vector], ...]
     controls: tuple[tuple[Vector, Vector], ...]
     design: Mapping[str, float] = field(default_factory=dict)
+
+    def with_rates(self, index: Sequence[int]) -> Guess:
+        """The guess in which these controls are the last states, and their slopes stand in their places."""
+        controls = list(self.controls)
+        for j in index:
+            tau, values = self.controls[j]
+            slopes = np.gradient(values, tau) if tau.size > 1 else np.zeros(1)
+            controls[j] = tau, slopes / (self.tf - self.t0)
+        return replace(
+            self,
+            states=(*self.states, *(self.controls[j] for j in index)),
+            controls=tuple(controls),
+        )
 
     def states_at(self, tau: Vector) -> Vector:
         """States at K instants, (n, K)."""

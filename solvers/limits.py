@@ -44,7 +44,7 @@ class Limit:
 def limits_of(problem: OptimalControlProblem) -> list[Limit]:
     """Every finite side of the state bounds and of the path constraints that are no equations."""
     bounds = [
-        (f"/problem/bounds/{name}", parse(name), interval, {"state": index})
+        (problem.bound_pointer(name), parse(name), interval, {"state": index})
         for index, (name, interval) in enumerate(zip(problem.states, problem.state_bounds, strict=True))
     ]
     bounds += [

@@ -42,6 +42,8 @@ def draw(result: Mapping[str, Any], title: str = "") -> Figure:
         (name, values, colour)
         for group, colour in _COLOURS.items()
         for name, values in trajectory.get(group, {}).items()
+        # A rated control is listed with the states too.
+        if group != "states" or name not in trajectory["controls"]
     ]
     figure = Figure(figsize=(8.0, 0.9 + _ROW_HEIGHT * len(rows)), layout="constrained")
     axes = figure.subplots(len(rows), 1, sharex=True, squeeze=False)[:, 0]

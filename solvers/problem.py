@@ -11,7 +11,7 @@ name, and the backend to which the values belong.
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Mapping, Sequence
+from collections.abc import Callable, Hashable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -20,23 +20,12 @@ from numpy.typing import NDArray
 
 from solvers.backends import NUMPY, Backend
 from solvers.dynamics import Dynamics, NodeScope
-from solvers.energy import vibration_energy
 from solvers.expressions import Expression, parse, product, total
 from solvers.guess import Guess, Start, make_guess
 from solvers.models import Formula
 from solvers.quantities import FREE, Constraint, DesignParameter, Integral, Interval, NamedQuantity
-from solvers.spec import (
-    VIBRATION_ENERGY,
-    BoundValue,
-    DesignSpec,
-    ProblemSpec,
-    bound_interval,
-    definitions_of,
-    evaluate_constant,
-    final_intervals,
-    initial_intervals,
-    inside,
-)
+from solvers.reading import constraints, control_ends, design_parameter, integrals, outputs
+from solvers.spec import ProblemSpec, bound_interval, definitions_of, final_intervals, initial_intervals
 from solvers.trajectory import Trajectory
 
 Vector = NDArray[np.float64]
@@ -49,7 +38,11 @@ _ROUGH_SAMPLES = 129
 
 @dataclass(frozen=True)
 class OptimalControlProblem:
-    """All of a problem; ``*_bounds`` and ends hold an interval for each state or control, in order."""
+    """All of a problem; ``*_bounds`` and ends hold an interval for each state or control, in order.
+
+    ``rated``: the controls of the document that are the last states here, for it is their rates that are
+    chosen; their place among the controls is taken by ``<name>_dot``.
+    """
 
     states: tuple[str, ...]
     controls: tuple[str, ...]
@@ -72,6 +65,7 @@ class OptimalControlProblem:
     guess: Guess
     integrals: tuple[Integral, ...] = ()
     design: tuple[DesignParameter, ...] = ()
+    rated: tuple[str, ...] = ()
 
     @classmethod
     def from_spec(cls, spec: ProblemSpec) -> OptimalControlProblem:
@@ -82,7 +76,7 @@ class OptimalControlProblem:
         parameters = {
             name: value for name, value in values.items() if name not in designed.keys() | spec.design.keys()
         }
-        design = tuple(_design(name, item, values) for name, item in spec.design.items())
+        design = tuple(design_parameter(name, item, values) for name, item in spec.design.items())
         bounds = {name: bound_interval(bound, parameters) for name, bound in spec.bounds.items()}
         initial, final = initial_intervals(spec), final_intervals(spec)
         initial_time = bound_interval(spec.initial_time, parameters)
@@ -91,7 +85,7 @@ class OptimalControlProblem:
         final_state = tuple(final[name] for name in model.states)
         state_bounds = tuple(bounds.get(name, FREE) for name in model.states)
         control_bounds = tuple(bounds.get(name, FREE) for name in model.controls)
-        return cls(
+        problem = cls(
             states=model.states,
             controls=model.controls,
             parameters=parameters,
@@ -104,15 +98,15 @@ class OptimalControlProblem:
             final_state=final_state,
             state_bounds=state_bounds,
             control_bounds=control_bounds,
-            path=_constraints(spec, "path_constraints", parameters),
-            boundary=_constraints(spec, "boundary_constraints", parameters),
+            path=constraints(spec, "path_constraints", parameters),
+            boundary=constraints(spec, "boundary_constraints", parameters),
             terminal_cost=None if spec.objective.terminal is None else parse(spec.objective.terminal),
             running_cost=None if spec.objective.running is None else parse(spec.objective.running),
-            outputs=_outputs(spec),
-            integrals=_integrals(spec, parameters),
+            outputs=outputs(spec),
+            integrals=integrals(spec, parameters),
             design=design,
-            initial_control=_control_ends(spec.initial_control, model.controls, parameters),
-            final_control=_control_ends(spec.final_control, model.controls, parameters),
+            initial_control=control_ends(spec.initial_control, model.controls, parameters),
+            final_control=control_ends(spec.final_control, model.controls, parameters),
             guess=make_guess(
                 spec.guess,
                 model.states,
@@ -124,6 +118,48 @@ class OptimalControlProblem:
                 design={item.name: item.guess for item in design},
             ),
         )
+        return problem.with_rates(
+            {name: bound_interval(bound, parameters) for name, bound in spec.control_rates.items()}
+        )
+
+    def with_rates(self, rates: Mapping[str, Interval]) -> OptimalControlProblem:
+        """The problem in which these controls are states, and their rates, within bounds, are controls."""
+        if not rates:
+            return self
+        index = [self.controls.index(name) for name in rates]
+
+        def swapped(old: tuple[Any, ...], new: Callable[[str], Any]) -> tuple[Any, ...]:
+            return tuple(
+                new(name) if name in rates else item for name, item in zip(self.controls, old, strict=True)
+            )
+
+        def moved(items: tuple[Any, ...]) -> tuple[Any, ...]:
+            return tuple(items[j] for j in index)
+
+        rate_names = {name: f"{name}_dot" for name in rates}
+        integrators = {name: parse(rate) for name, rate in rate_names.items()}
+        dynamics = self.dynamics
+        return replace(
+            self,
+            states=(*self.states, *rates),
+            controls=swapped(self.controls, rate_names.__getitem__),
+            dynamics=replace(dynamics, first_order={**dynamics.first_order, **integrators}),
+            initial_state=(*self.initial_state, *moved(self.initial_control)),
+            final_state=(*self.final_state, *moved(self.final_control)),
+            state_bounds=(*self.state_bounds, *moved(self.control_bounds)),
+            control_bounds=swapped(self.control_bounds, rates.__getitem__),
+            initial_control=swapped(self.initial_control, lambda _: FREE),
+            final_control=swapped(self.final_control, lambda _: FREE),
+            guess=self.guess.with_rates(index),
+            rated=tuple(rates),
+        )
+
+    def bound_pointer(self, name: str) -> str:
+        """The place in the document where the bounds of a state or control stand."""
+        for control in self.rated:
+            if name == f"{control}_dot":
+                return f"/problem/control_rates/{control}"
+        return f"/problem/bounds/{name}"
 
     @property
     def structure(self) -> Hashable:
@@ -140,6 +176,7 @@ class OptimalControlProblem:
             tuple(item.expression.text for item in self.boundary),
             tuple((item.name, item.expression.text) for item in self.integrals),
             tuple(item.name for item in self.design),
+            self.rated,
             tuple((item.name, item.expression.text) for item in self.outputs),
             tuple(costs),
         )
@@ -238,51 +275,3 @@ class OptimalControlProblem:
         expressions = [item.expression for item in self.boundary]
         expressions += [] if self.terminal_cost is None else [self.terminal_cost]
         return frozenset().union(*(expression.names for expression in expressions))
-
-
-def _constraints(spec: ProblemSpec, key: str, parameters: dict[str, float]) -> tuple[Constraint, ...]:
-    return tuple(
-        Constraint(
-            item.name or f"{key}/{index}",
-            f"/problem/{key}/{index}",
-            parse(item.expression),
-            bound_interval(item.bounds, parameters),
-            item.window(parameters),
-        )
-        for index, item in enumerate(getattr(spec, key))
-    )
-
-
-def _integrals(spec: ProblemSpec, parameters: dict[str, float]) -> tuple[Integral, ...]:
-    return tuple(
-        Integral(
-            item.name,
-            f"/problem/integrals/{index}",
-            parse(item.expression),
-            bound_interval(item.bounds, parameters),
-        )
-        for index, item in enumerate(spec.integrals)
-    )
-
-
-def _design(name: str, item: DesignSpec, values: dict[str, float]) -> DesignParameter:
-    """Start from the guess, else from the model's own value if it is allowed, else inside the bounds."""
-    interval = bound_interval(item.bounds, values)
-    own = values[name] if interval[0] <= values[name] <= interval[1] else inside(interval)
-    guess = own if item.guess is None else evaluate_constant(item.guess, values)
-    return DesignParameter(name, interval, guess)
-
-
-def _control_ends(
-    given: Mapping[str, BoundValue], controls: tuple[str, ...], parameters: dict[str, float]
-) -> tuple[Interval, ...]:
-    return tuple(bound_interval(given.get(name), parameters) for name in controls)
-
-
-def _outputs(spec: ProblemSpec) -> tuple[NamedQuantity, ...]:
-    """The outputs of the document, then the one that a flexible model brings by itself."""
-    outputs = [NamedQuantity(item.name, parse(item.expression), item.units) for item in spec.outputs]
-    energy = vibration_energy(spec.model)
-    if energy is not None:
-        outputs.append(NamedQuantity(VIBRATION_ENERGY, energy, spec.units.get(VIBRATION_ENERGY, "")))
-    return tuple(outputs)

@@ -44,7 +44,7 @@ def _quantities(
         (problem.controls, problem.control_bounds, controls),
     ):
         for name, interval, row in zip(names, bounds, values, strict=True):
-            yield f"/problem/bounds/{name}", row, interval, times
+            yield problem.bound_pointer(name), row, interval, times
     scope = problem.scope(states, controls, times, problem.parameters_of(trajectory), NUMPY)
     for constraint in problem.path:
         with np.errstate(all="ignore"):

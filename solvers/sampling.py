@@ -19,10 +19,14 @@ Vector = NDArray[np.float64]
 def sample(
     problem: OptimalControlProblem, trajectory: Trajectory, times: Vector, *, derivatives: bool = False
 ) -> dict[str, Any]:
-    """The ``trajectory`` of a result at these times: that of the curves, and ``outputs``."""
+    """The ``trajectory`` of a result at these times: that of the curves, rated controls, and ``outputs``."""
     outputs = problem.outputs_at(trajectory, trajectory.one_sided(times))
+    sampled = trajectory.sample(times, derivatives=derivatives)
+    # Controls whose rates are chosen are states of the problem, but controls of the document.
+    rated = {name: sampled["states"][name] for name in problem.rated}
     return {
-        **trajectory.sample(times, derivatives=derivatives),
+        **sampled,
+        "controls": {**rated, **sampled["controls"]},
         "outputs": {name: values.tolist() for name, values in outputs.items()},
     }
 

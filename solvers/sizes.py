@@ -67,7 +67,8 @@ def _mesh_size(spec: JobSpec) -> ProblemSize:
         case HermiteSimpsonMethod(intervals=intervals):
             nodes = 2 * intervals + 1
             points = np.linspace(0.0, 1.0, nodes)
-            return _timed(_size(problem, (n + m) * nodes, 2 * n * intervals, lambda: points, nodes), 0.0)
+            rows = (2 * n + len(problem.rated)) * intervals
+            return _timed(_size(problem, (n + m) * nodes, rows, lambda: points, nodes), 0.0)
         case SplineWaveletMethod(L=length, first_level=level):
             return _spline_size(problem, length << level)
         case AutoMethod():
@@ -82,15 +83,17 @@ def _gauss_points(nodes: int, segments: int) -> Vector:
 
 
 def _spline_size(problem: OptimalControlProblem, intervals: int) -> ProblemSize:
-    n, m = len(problem.states), len(problem.controls)
+    n, m, ramps = len(problem.states), len(problem.controls), len(problem.rated)
     knots = np.linspace(0.0, 1.0, intervals + 1)
     splines, points = problem.dynamics.coordinates, knots
     if not splines:
-        splines, points = n, np.concatenate([[0.0], (knots[1:] + knots[:-1]) / 2.0, [1.0]])
-    variables = splines * (intervals + 3) + m * points.size
-    held = _held_rows(problem, splines, knots.size)
-    size = _size(problem, variables, splines * points.size + held, lambda: points, intervals + 3)
-    return _timed(size, 0.0)
+        splines, points = n - ramps, np.concatenate([[0.0], (knots[1:] + knots[:-1]) / 2.0, [1.0]])
+    # A control is a value at every point; a rated one also has a rate between any two of them.
+    variables = splines * (intervals + 3) + m * points.size + ramps * (points.size - 1)
+    rows = splines * points.size + ramps * (points.size - 1)
+    rows += _held_rows(problem, splines, knots.size)
+    sides = np.repeat(points, 2)[1:-1] if ramps else points
+    return _timed(_size(problem, variables, rows, lambda: sides, intervals + 3), 0.0)
 
 
 def _held_rows(problem: OptimalControlProblem, splines: int, knots: int) -> int:
@@ -98,6 +101,8 @@ def _held_rows(problem: OptimalControlProblem, splines: int, knots: int) -> int:
     rows = 0
     every = zip(problem.state_bounds, problem.initial_state, problem.final_state, strict=True)
     for index, (inner, *ends) in enumerate(every):
+        if index >= len(problem.states) - len(problem.rated):
+            continue
         if index < splines:
             rows += (knots - 2) * bool(np.isfinite(inner).any())
         else:

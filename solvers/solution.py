@@ -90,7 +90,10 @@ class Solution:
             "outputs": output_extremes(self.problem, trajectory, sampled),
             "integrals": dict(self.integrals),
             "design": dict(trajectory.design),
-            "interpolation": dict.fromkeys(trajectory.controls, trajectory.interpolation),
+            "interpolation": {
+                **dict.fromkeys(self.problem.rated, trajectory.interpolation),
+                **{name: trajectory.interpolation_of(name) for name in trajectory.controls},
+            },
             "switching": dict(self.switching),
             "verification": self.verification.to_dict(),
             "statistics": {

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from solvers.coefficients import decode
-from solvers.curves import Curve
+from solvers.curves import Curve, DerivativeCurve
 
 Vector = NDArray[np.float64]
 
@@ -42,6 +42,10 @@ class Trajectory:
     def duration(self) -> float:
         """tf - t0."""
         return self.tf - self.t0
+
+    def interpolation_of(self, control: str) -> str:
+        """How a control is to be read between nodes; the slope of straight lines holds until the next one."""
+        return "previous" if isinstance(self.controls[control], DerivativeCurve) else self.interpolation
 
     def time(self, tau: Vector) -> Vector:
         """Times of normalised times."""

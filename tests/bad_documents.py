@@ -326,7 +326,6 @@ def _unsupported() -> Iterator[BadDocument]:
         ("genetic algorithm", "/method", {"name": "ga"}),
         ("piecewise", "/method", {"name": "piecewise"}),
         ("scenarios", "/problem/scenarios", {"cases": [{"name": "soft", "parameters": {"k": 90}}]}),
-        ("control rates", "/problem/control_rates", {"T": [-1, 1]}),
         ("webhook", "/webhook", {"url": "http://127.0.0.1/"}),
     ):
         where = f"{pointer}/name" if pointer == "/method" else pointer

@@ -14,7 +14,6 @@ from solvers.spec.faults import Flaws, Path, kind_of
 from solvers.spec.scope import Scope
 from solvers.spec.values import FREE, Interval, evaluate_constant, is_finite
 
-RATES = "control rates in expressions are not in this version"
 MAX_EXPANDED = 100_000
 """The largest number of operations of an expression with all definitions written out."""
 
@@ -73,7 +72,7 @@ def _check_names(
         if name in without:
             flaws.add(f"{quoted(name)} comes later; a definition may use earlier ones only{where}", *path)
         elif place == "path" and name in scope.rate_names:
-            flaws.add(f"unsupported: {RATES}: {quoted(name)}{where}", *path, type="unsupported")
+            flaws.add(f"{quoted(name)} is known only where control_rates bounds the rate{where}", *path)
         elif place == "constant" and name in scope.designed:
             what = f"{quoted(name)} is a design parameter or follows from one"
             flaws.add(f"{what}; {_ADVICE[place]}{where}", *path)
@@ -86,7 +85,7 @@ def _check_names(
 _ADVICE = {
     "constant": "a value is a number or an expression in parameters and constants",
     "model": "the names of a model are its states, controls, parameters, definitions and t",
-    "path": "along the trajectory the names are those of the model and the accelerations <coordinate>_ddot",
+    "path": "along the trajectory the names are those of the model, <coordinate>_ddot, <rated control>_dot",
     "boundary": (
         "at the ends the names are <state>_0, <state>_f, likewise of controls, <output>_f, integrals, "
         "parameters, t0 and tf"

@@ -105,7 +105,11 @@ class ResultNodes(Check):
         if not isinstance(times, list) or len(times) < 2:
             raise refuse("must be the 'nodes' of a result: its list 't' of two times or more is missing")
         check_times(times, scope, flaws, "t")
-        for group, names in (("states", scope.states), ("controls", scope.controls)):
+        rates = tuple(f"{name}_dot" for name in scope.rated)
+        for group, names in (
+            ("states", scope.states + scope.rated),
+            ("controls", scope.controls + rates),
+        ):
             table = nodes.get(group, {})
             if not isinstance(table, dict):
                 flaws.add(f"must be an object of lists, not {kind_of(table)}", group)

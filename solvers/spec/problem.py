@@ -185,8 +185,8 @@ class ProblemSpec(SpecModel):
     """Where the search starts."""
     units: Annotated[dict[str, str], UnitTable()] = Field(default_factory=dict)
     """Name -> label of its unit."""
-    control_rates: Annotated[None, Unsupported("bounds on control rates are")] = None
-    """Control -> bound of its rate; not in this version."""
+    control_rates: Annotated[dict[str, BoundValue], BoundTable("control")] = Field(default_factory=dict)
+    """Control -> bound of its rate <control>_dot; the control becomes a state, continuous in time."""
     initial_control: Annotated[dict[str, BoundValue], BoundTable("control")] = Field(default_factory=dict)
     """Control -> bound at t0."""
     final_control: Annotated[dict[str, BoundValue], BoundTable("control")] = Field(default_factory=dict)

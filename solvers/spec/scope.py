@@ -43,6 +43,7 @@ class Scope:
     coordinates: tuple[str, ...] = ()
     states: tuple[str, ...] = ()
     controls: tuple[str, ...] = ()
+    rated: tuple[str, ...] = ()
     parameters: dict[str, float] = field(default_factory=dict)
     parameter_names: frozenset[str] = frozenset()
     parameter_intervals: dict[str, tuple[float, float]] = field(default_factory=dict)
@@ -139,7 +140,9 @@ def _read_names(scope: Scope) -> None:
     scope.output_names = frozenset(outputs)
     scope.rate_names = accelerations.union(f"{u}_dot" for u in scope.controls)
     scope.model_names = scope.parameter_names.union(scope.states, scope.controls, ("t",), definitions)
-    scope.path_names = scope.model_names.union(accelerations)
+    rated = mapping(scope.problem.get("control_rates"))
+    scope.rated = tuple(name for name in scope.controls if name in rated)
+    scope.path_names = scope.model_names.union(accelerations, (f"{u}_dot" for u in scope.rated))
     scope.boundary_names = scope.parameter_names.union(ends, ("t0", "tf"), scope.integral_names)
 
 

@@ -25,5 +25,6 @@ def not_refined(problem: dict[str, Any]) -> Iterator[tuple[Path, str]]:
         if mapping(item).get("during", [0, 1]) != [0, 1]:
             yield ("path_constraints", index, "during"), "a window of a path constraint"
     for key in ("initial_control", "final_control"):
-        if mapping(problem.get(key)):
-            yield (key,), "a bound on a control at an end"
+        for control in mapping(problem.get(key)):
+            if control not in mapping(problem.get("control_rates")):
+                yield (key, control), "a bound at an end on a control that may jump"

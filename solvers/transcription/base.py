@@ -143,11 +143,13 @@ class Transcription(Assembly):
         """Costates at the nodes of the trajectory from those where the dynamics are evaluated."""
         return costates
 
-    def apply_rate(self, instants: Instants) -> Places:
-        """Evaluate (tb - ta) f(x, u, t) at these instants: n values a place."""
+    def apply_rate(self, instants: Instants, count: int | None = None) -> Places:
+        """Evaluate (tb - ta) f(x, u, t) at these instants: n values a place, or the first ``count``."""
         symbols = NodeSymbols(self.problem, self.per_tau)
         rate = self.problem.rate(symbols.x, symbols.u, symbols.t, symbols.parameters, CASADI)
-        return self.apply(symbols.function("rate", [symbols.duration * value for value in rate]), instants)
+        return self.apply(
+            symbols.function("rate", [symbols.duration * value for value in rate[:count]]), instants
+        )
 
     def add_defects(
         self, states: Sequence[sparse.csr_array], places: Places, rates: sparse.csr_array
@@ -161,7 +163,7 @@ class Transcription(Assembly):
         order = np.arange(n * count).reshape(n, count).T.ravel()
         self.builder.constrain(
             fixed(0.0, 0.0),
-            scale=np.tile(self.scaling.states, count),
+            scale=np.tile(self.scaling.states[:n], count),
             linear=sparse.csr_array(sparse.vstack(states, format="csr")[order]),
             places=places,
             scatter=sparse.kron(rates, sparse.eye_array(n), format="csr"),

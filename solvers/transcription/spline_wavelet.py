@@ -5,6 +5,8 @@ Decision vector, N = intervals + 3:
     second order:  c[q_1] (N) ... c[q_n] (N) | u_1 (knots) ... u_m (knots) | t0 | tf
     first order:   c[x_1] (N) ... c[x_n] (N) | u_1 (N - 1) ... u_m (N - 1) | t0 | tf
 
+Rated controls are ramps with unknowns of their own (:mod:`solvers.transcription.ramps`), before t0.
+
 c are coefficients in the banded B-spline basis, which spans the same space as the wavelets of levels V0,
 W0, ..., W(J-1); the wavelet coefficients follow by the fast transform. The dynamics are collocated at the
 Greville points of the space in which the highest derivative lives: the knots for equations of second order,
@@ -30,7 +32,6 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
-from scipy.interpolate import BSpline
 
 from solvers.bases.banded import solve_banded_system
 from solvers.bases.graded import GradedKnots
@@ -41,13 +42,25 @@ from solvers.curves import Curve, DerivativeCurve, LinearCurve, SplineCurve
 from solvers.quantities import Interval
 from solvers.symbolic import CASADI
 from solvers.trajectory import Trajectory
-from solvers.transcription.base import Transcription, control_columns
+from solvers.transcription.assembly import columns
+from solvers.transcription.base import Transcription
 from solvers.transcription.builder import fixed
 from solvers.transcription.nodes import Instants, NodeSymbols
+from solvers.transcription.ramps import (
+    allocate_ramps,
+    constrain_ramps,
+    ramp_costates,
+    rate_indices,
+    rate_rows,
+)
+from solvers.transcription.spline_controls import (
+    COST_POINTS,
+    hat_functions,
+    nearest_lines,
+    quadratic_splines,
+)
 
 Vector = NDArray[np.float64]
-
-_COST_POINTS = 3
 
 
 @dataclass
@@ -60,11 +73,12 @@ class SplineWavelet(Transcription):
     def __post_init__(self) -> None:
         coordinates = self.problem.dynamics.coordinates
         self._second_order = coordinates > 0
-        self._splines = coordinates or len(self.problem.states)
+        self._splines = coordinates or len(self.problem.states) - len(self.problem.rated)
         self.space = self.knots.space
         self.points = self.space.greville(2 if self._second_order else 1)
         self._smooth_controls = (
             self.adaptive
+            and not self.problem.rated
             and not self._second_order
             and (self.problem.running_cost is not None or bool(self.problem.integrals))
             and not np.isfinite(self.problem.control_bounds).any()
@@ -73,7 +87,7 @@ class SplineWavelet(Transcription):
     @property
     def per_tau(self) -> Collection[int]:
         """Velocities of a second-order model are derivatives of the splines."""
-        return range(self._splines, len(self.problem.states))
+        return range(self._splines, 2 * self._splines) if self._second_order else ()
 
     @property
     def mesh(self) -> Hashable:
@@ -92,11 +106,25 @@ class SplineWavelet(Transcription):
         )
         self.builder.unknowns(
             "controls",
-            (len(self.problem.controls), self.points.size),
-            scale=self.scaling.controls,
+            (len(self._free), self.points.size),
+            scale=self.scaling.controls[self._free],
             initial=lambda this: this.start_controls(),
-            bounds=control_columns,
+            bounds=lambda this: columns([this.problem.control_bounds[j] for j in this._free]),
         )
+        allocate_ramps(self, self.points)
+
+    @cached_property
+    def _free(self) -> list[int]:
+        """The controls that are chosen themselves, not their rates."""
+        rates = rate_indices(self)
+        return [j for j in range(len(self.problem.controls)) if j not in rates]
+
+    def state_bounds(self, index: int, count: int) -> tuple[Vector, Vector]:
+        """See :class:`Assembly`; rated controls are unknowns with bounds of their own, but for the ends."""
+        lower, upper = super().state_bounds(index, count)
+        if index >= len(self.problem.states) - len(self.problem.rated):
+            lower[1:-1], upper[1:-1] = -np.inf, np.inf
+        return lower, upper
 
     def start_coefficients(self) -> Vector:
         """Coefficients of the splines through the start, one row each; exact where it is a coarser spline."""
@@ -105,18 +133,18 @@ class SplineWavelet(Transcription):
 
     def start_controls(self) -> Vector:
         """The unknowns of the controls at the start, one row each."""
-        values = self.start.controls_at(self.points)
+        values = self.start.controls_at(self.points)[self._free]
         if not self._smooth_controls:
             return values
-        return solve_banded_system(_quadratic_splines(self.space.knots, self.points), values.T).T
+        return solve_banded_system(quadratic_splines(self.space.knots, self.points), values.T).T
 
     def nodes(self) -> Instants:
         """The knots."""
         return self._at_points if self._second_order else self._instants(self.space.knots)
 
     def path_instants(self) -> Instants:
-        """The collocation points."""
-        return self._at_points
+        """The collocation points, each from both sides where rates may jump."""
+        return self._from_both_sides() if self.problem.rated else self._at_points
 
     def quadrature(self) -> tuple[Instants, Vector]:
         """Second order: Simpson on each interval. First order: the weights of the collocation points.
@@ -125,14 +153,24 @@ class SplineWavelet(Transcription):
         """
         knots = self.space.knots
         if self._smooth_controls:
-            inside, shares = legendre_gauss(_COST_POINTS)
+            inside, shares = legendre_gauss(COST_POINTS)
             tau = knots[:-1, None] + np.diff(knots)[:, None] * (inside + 1.0) / 2.0
             return self._instants(tau.ravel()), (np.diff(knots)[:, None] * shares / 2.0).ravel()
         if not self._second_order:
-            return self._at_points, self.space.quadrature_weights(1)
+            weights = self.space.quadrature_weights(1)
+            if not self.problem.rated:
+                return self._at_points, weights
+            halves = np.repeat(weights, 2)[1:-1]
+            halves[1:-1] /= 2.0
+            return self._from_both_sides(), halves
+        widths = np.diff(knots)
+        if self.problem.rated:
+            thirds = np.array([1.0, 4.0, 1.0]) / 6.0
+            tau = knots[:-1, None] + widths[:, None] * np.array([0.0, 0.5, 1.0])
+            intervals = np.repeat(np.arange(widths.size), 3)
+            return self._instants(tau.ravel(), intervals), (widths[:, None] * thirds).ravel()
         points = np.empty(2 * knots.size - 1)
         points[::2], points[1::2] = knots, (knots[1:] + knots[:-1]) / 2
-        widths = np.diff(knots)
         weights = np.zeros(points.size)
         weights[:-2:2] += widths / 6
         weights[1::2] += 4 * widths / 6
@@ -142,6 +180,7 @@ class SplineWavelet(Transcription):
     def constrain_dynamics(self) -> None:
         """Second order: M q'' + C q' + K q - G u - f = 0. First order: x' - f = 0."""
         instants = self._at_points
+        constrain_ramps(self, self.points, self._instants((self.points[1:] + self.points[:-1]) / 2.0))
         if self._second_order:
             symbols = NodeSymbols(self.problem, self.per_tau, self._splines)
             residual = self.problem.dynamics.residual(symbols.accelerations, symbols.scope, CASADI)
@@ -153,7 +192,9 @@ class SplineWavelet(Transcription):
             return
         slopes = self._spline_rows(self.points, 1)
         self.add_defects(
-            slopes, self.apply_rate(instants), -sparse.csr_array(sparse.eye_array(self.points.size))
+            slopes,
+            self.apply_rate(instants, self._splines),
+            -sparse.csr_array(sparse.eye_array(self.points.size)),
         )
 
     def read(self, unknowns: Vector) -> Trajectory:
@@ -170,47 +211,40 @@ class SplineWavelet(Transcription):
         if self._smooth_controls:
             at_points = self._control_rows(self.points)
             values = [at_points @ row for row in values]
-        controls = [
-            LinearCurve(self.points, self._as_flown(row, bounds))
-            for row, bounds in zip(values, self.problem.control_bounds, strict=True)
-        ]
+        controls: dict[str, Curve] = {
+            self.problem.controls[j]: LinearCurve(
+                self.points, self._flown(row, self.problem.control_bounds[j])
+            )
+            for j, row in zip(self._free, values, strict=True)
+        }
+        ramps = {
+            name: LinearCurve(self.points, unknowns[block.start : block.stop])
+            for name, block in zip(self.problem.rated, self.builder.blocks["ramps"], strict=True)
+        }
+        controls |= {f"{name}_dot": DerivativeCurve(ramp, 1.0 / (tf - t0)) for name, ramp in ramps.items()}
         return Trajectory(
             t0,
             tf,
-            dict(zip(self.problem.states, splines + velocities, strict=True)),
-            dict(zip(self.problem.controls, controls, strict=True)),
+            dict(zip(self.problem.states, [*splines, *velocities, *ramps.values()], strict=True)),
+            {name: controls[name] for name in self.problem.controls},
             interpolation="linear",
             basis={
                 "name": SPLINE_WAVELET,
                 "L": self.knots.L,
                 "J": self.knots.finest,
                 "derivative": 2 if self._second_order else 1,
+                **({"ramps": list(ramps)} if ramps else {}),
                 **({"active": [indices.tolist() for indices in self.knots.active]} if self.adaptive else {}),
             },
             breakpoints=np.union1d(self.points, self.space.knots),
             nodes=self.points,
         )
 
-    def _as_flown(self, values: Vector, bounds: Interval) -> Vector:
-        """Values between which a control is linear, from those at the points where the dynamics hold.
-
-        On an adaptive mesh for equations of first order: the straight lines that come nearest in the mean to
-        the quadratic spline through the values. Lines through the values themselves would err to one side
-        wherever the control is curved, which adds up over a flight. A control that rests on a bound stays.
-        """
-        smooth = self.adaptive and not self._second_order
-        if not smooth or not np.all((values > bounds[0]) & (values < bounds[1])):
+    def _flown(self, values: Vector, bounds: Interval) -> Vector:
+        """Values between which a control is linear, from those at the points where the dynamics hold."""
+        if not self.adaptive or self._second_order:
             return values
-        space = self.space.knots
-        coefficients = solve_banded_system(_quadratic_splines(space, self.points), values)
-        breaks = np.union1d(self.points, space)
-        inside, shares = legendre_gauss(_COST_POINTS)
-        tau = (breaks[:-1, None] + np.diff(breaks)[:, None] * (inside + 1.0) / 2.0).ravel()
-        weights = sparse.diags_array((np.diff(breaks)[:, None] * shares / 2.0).ravel())
-        hats = _hat_functions(self.points, tau)
-        wanted = hats.T @ (weights @ (_quadratic_splines(space, tau) @ coefficients))
-        flown = solve_banded_system(sparse.csr_array(hats.T @ weights @ hats), wanted)
-        return flown if np.all((flown >= bounds[0]) & (flown <= bounds[1])) else values
+        return nearest_lines(self.space.knots, self.points, values, bounds)
 
     def costates(self, trajectory: Trajectory, row_multipliers: Vector) -> Vector:
         """See :class:`Transcription`; second order: from the multipliers mu of the equations of motion.
@@ -222,55 +256,46 @@ class SplineWavelet(Transcription):
         places = self.builder.places["residual" if self._second_order else "rates"]
         adjoint = self.builder.adjoint(places, row_multipliers) * self.scaling.objective
         weights = adjoint.reshape(self.points.size, -1)
+        ramps = ramp_costates(self, self.points, trajectory, row_multipliers)
         if not self._second_order:
-            return self.space.dual_values(weights, 1).T
+            return np.vstack([self.space.dual_values(weights, 1).T, ramps])
         weights = weights / trajectory.duration
         problem = self.weighted_problem(row_multipliers)
-        return second_order_costates(problem, trajectory, weights, self.space)
+        return np.vstack([second_order_costates(problem, trajectory, weights, self.space), ramps])
 
     @cached_property
     def _at_points(self) -> Instants:
         """The collocation points; for equations of second order these are the knots."""
         return self._instants(self.points)
 
-    def _instants(self, tau: Vector) -> Instants:
-        states = self._spline_rows(tau, 0)
+    def _from_both_sides(self) -> Instants:
+        """The points, those inside twice: as the end of one interval and as the start of the next."""
+        intervals = np.repeat(np.arange(self.points.size - 1), 2)
+        return self._instants(np.repeat(self.points, 2)[1:-1], intervals)
+
+    def _instants(self, tau: Vector, intervals: NDArray[np.intp] | None = None) -> Instants:
+        """Instants with the rates of these intervals between points, by default those that begin there."""
+        states, builder = self._spline_rows(tau, 0), self.builder
         if self._second_order:
             states += self._spline_rows(tau, 1)
+        hats = hat_functions(self.points, tau) if self.problem.rated else None
+        states += [builder.rows_of(block, hats) for block in builder.blocks["ramps"]]
         rows = self._control_rows(tau)
-        return Instants(
-            tau, states, [self.builder.rows_of(block, rows) for block in self.builder.blocks["controls"]]
-        )
+        free = [builder.rows_of(block, rows) for block in builder.blocks["controls"]]
+        if intervals is None:
+            found = np.searchsorted(self.points, tau, side="right") - 1
+            intervals = np.clip(found, 0, self.points.size - 2)
+        controls = dict(zip(self._free, free, strict=True))
+        controls |= dict(zip(rate_indices(self), rate_rows(builder, intervals), strict=True))
+        return Instants(tau, states, [controls[j] for j in range(len(controls))])
 
     def _control_rows(self, tau: Vector) -> sparse.csr_array:
         """Rows of the value of a control."""
         if self._smooth_controls:
-            return _quadratic_splines(self.space.knots, tau)
-        return _hat_functions(self.points, tau)
+            return quadratic_splines(self.space.knots, tau)
+        return hat_functions(self.points, tau)
 
     def _spline_rows(self, tau: Vector, derivative: int) -> list[sparse.csr_array]:
         """Rows of the derivative of each spline with respect to tau."""
         matrix = self.space.matrix(tau, derivative)
         return [self.builder.rows_of(block, matrix) for block in self.builder.blocks["coefficients"]]
-
-
-def _quadratic_splines(knots: Vector, tau: Vector) -> sparse.csr_array:
-    """Rows of the B-splines of degree 2 on ``knots``."""
-    clamped = np.concatenate([np.zeros(2), knots, np.ones(2)])
-    return sparse.csr_array(BSpline.design_matrix(tau, clamped, 2))
-
-
-def _hat_functions(points: Vector, tau: Vector) -> sparse.csr_array:
-    """Rows of linear interpolation between ``points``."""
-    left = np.clip(np.searchsorted(points, tau, side="right") - 1, 0, points.size - 2)
-    fraction = (tau - points[left]) / (points[left + 1] - points[left])
-    rows = np.arange(tau.size)
-    matrix = sparse.csr_array(
-        (
-            np.concatenate([1.0 - fraction, fraction]),
-            (np.concatenate([rows, rows]), np.concatenate([left, left + 1])),
-        ),
-        shape=(tau.size, points.size),
-    )
-    matrix.eliminate_zeros()
-    return matrix

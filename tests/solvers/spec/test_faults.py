@@ -338,21 +338,16 @@ UNSUPPORTED: list[tuple[dict[str, Any], str]] = [
     ({"/method": {"name": "ga", "population": 48}}, "/method/name"),
     ({"/method": {"name": "piecewise"}}, "/method/name"),
     ({f"{MODEL}/kind": "modal"}, f"{MODEL}/kind"),
-    ({"/problem/control_rates": {"T": [-1, 1]}}, "/problem/control_rates"),
     (
         {"/problem/initial_control": {"T": 0}, "/method/refine": "switching"},
-        "/problem/initial_control",
+        "/problem/initial_control/T",
     ),
-    ({"/problem/final_control": {"T": 0}, "/method/refine": "switching"}, "/problem/final_control"),
+    ({"/problem/final_control": {"T": 0}, "/method/refine": "switching"}, "/problem/final_control/T"),
     ({"/problem/data": {"Td": {"x": [0, 1], "values": [0, 1]}}}, "/problem/data"),
     ({"/problem/scenarios": {"cases": [{"name": "soft"}]}}, "/problem/scenarios"),
     ({"/problem/phases": [{}]}, "/problem/phases"),
     ({"/problem/links": [{}]}, "/problem/links"),
     ({"/problem/objective": {"maximum": "alpha^2"}}, "/problem/objective/maximum"),
-    (
-        {"/problem/path_constraints": [{"expression": "T_dot", "bounds": 0}]},
-        "/problem/path_constraints/0/expression",
-    ),
     (
         {
             "/problem/path_constraints": [{"expression": "T", "bounds": 0, "during": [0, 0.5]}],

@@ -47,6 +47,21 @@ FAULTS: list[tuple[dict[str, Any], str, str]] = [
     ({"/problem/final_control": {"TT": 0}}, "/problem/final_control/TT", "did you mean 'T'"),
     ({"/problem/final_control": {"T": 6}}, "/problem/final_control/T", "outside its bounds [-5, 5]"),
 ]
+FAULTS += [
+    ({"/problem/control_rates": {"theta": 1}}, "/problem/control_rates/theta", "is a state"),
+    ({"/problem/control_rates": {"TT": [-1, 1]}}, "/problem/control_rates/TT", "did you mean 'T'"),
+    ({"/problem/control_rates": {"T": [1, -1]}}, "/problem/control_rates/T", "crossed"),
+    (
+        {"/problem/path_constraints": [{"expression": "T_dot", "bounds": 0}]},
+        "/problem/path_constraints/0/expression",
+        "only where control_rates bounds the rate",
+    ),
+    (
+        {"/problem/control_rates": {"T": [-1, 1]}, "/problem/model/force": ["T_dot", 0]},
+        "/problem/model/force/0",
+        "cannot be used here",
+    ),
+]
 WINDOWS: list[tuple[Any, str, str]] = [
     ([0.5, 0.2], "", "start <= end"),
     ([0, 2], "", "<= 1"),
@@ -84,6 +99,8 @@ def test_what_is_right_is_accepted() -> None:
         "/problem/boundary_constraints": [{"expression": "R*tf + work", "bounds": [0, None]}],
         "/problem/objective/terminal": "tf + impulse/L",
         "/problem/initial_control": {"T": 0},
+        "/problem/control_rates": {"T": [None, 3]},
+        "/problem/outputs": [{"name": "slope", "expression": "T_dot"}],
         "/problem/final_control": {"T": [None, 0]},
     }
     for base in (FLEXIBLE_SPACECRAFT, LIBRARY):
