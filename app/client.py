@@ -53,10 +53,11 @@ P = ParamSpec("P")
 T = TypeVar("T")
 
 
-def _settings(url: str) -> dict[str, Any]:
+def _settings(url: str, key: str | None) -> dict[str, Any]:
     """How to reach ``url``: no proxy stands before this machine itself, whatever the environment says."""
     here = httpx.URL(url).host in {"localhost", "127.0.0.1", "::1"}
-    return {"base_url": url, "trust_env": not here}
+    headers = {} if key is None else {"Authorization": f"Bearer {key}"}
+    return {"base_url": url, "trust_env": not here, "headers": headers}
 
 
 def _synchronous(make: Callable[P, Call[T] | Steps[T]]) -> Callable[Concatenate[Client, P], T]:
@@ -84,12 +85,13 @@ def _asynchronous(
 class Client:
     """A synchronous client of the service at ``url``, to be closed: best a context manager.
 
-    Every method raises `RequestRefused` with the service's problem document, and `ServerUnreachable`. A
-    refusal with status 429 or 503 is waited out as its Retry-After says, five times at most.
+    ``key`` is the API key, where the service asks for one. Every method raises `RequestRefused` with the
+    service's problem document, and `ServerUnreachable`. A refusal with status 429 or 503 is waited out as its
+    Retry-After says, five times at most.
     """
 
-    def __init__(self, url: str = "http://127.0.0.1:8000") -> None:
-        self._http = httpx.Client(**_settings(url))
+    def __init__(self, url: str = "http://127.0.0.1:8000", *, key: str | None = None) -> None:
+        self._http = httpx.Client(**_settings(url, key))
 
     def __enter__(self) -> Self:
         return self
@@ -182,8 +184,8 @@ class Client:
 class AsyncClient:
     """The same client for asyncio: the methods of `Client`, awaited."""
 
-    def __init__(self, url: str = "http://127.0.0.1:8000") -> None:
-        self._http = httpx.AsyncClient(**_settings(url))
+    def __init__(self, url: str = "http://127.0.0.1:8000", *, key: str | None = None) -> None:
+        self._http = httpx.AsyncClient(**_settings(url, key))
 
     async def __aenter__(self) -> Self:
         return self

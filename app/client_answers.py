@@ -33,6 +33,8 @@ class Job(TypedDict):
     error: dict[str, Any] | None
     attempts: int
     cancel_requested: bool
+    project: str
+    submitted_by: str | None
     sweep: str | None
     links: dict[str, str]
 

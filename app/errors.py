@@ -67,7 +67,7 @@ def problem_response(error: ServiceError, request_id: str) -> Response:
 
 def install(app: FastAPI) -> None:
     """Make every error that a handler may raise on purpose, and those of the framework, a problem."""
-    for kind in (*_TRANSLATIONS, ServiceError, DocumentError, RequestValidationError, HTTPException):
+    for kind in (*REFUSED, DocumentError, RequestValidationError, HTTPException):
         app.add_exception_handler(kind, _handle)
 
 
@@ -76,14 +76,19 @@ async def _handle(request: Request, error: Exception) -> Response:
 
 
 def _refusal(request: Request, error: Exception) -> ServiceError:
-    if isinstance(error, ServiceError):
-        return error
     if isinstance(error, DocumentError):
         return _bad_document(error.faults)
     if isinstance(error, RequestValidationError):
         return _bad_parameters(error)
     if isinstance(error, HTTPException):
         return _of_framework(request, error)
+    return refusal_of(error)
+
+
+def refusal_of(error: Exception) -> ServiceError:
+    """Return what one of `REFUSED` means to whoever asks."""
+    if isinstance(error, ServiceError):
+        return error
     return next(
         ServiceError(name, detail, headers={"Retry-After": "5"} if name == "unavailable" else {})
         for kind, (name, detail) in _TRANSLATIONS.items()
@@ -105,6 +110,10 @@ _TRANSLATIONS: Mapping[type[Exception], tuple[str, str]] = {
     redis_errors.OutOfMemoryError: _AWAY,
     redis_errors.ReadOnlyError: _AWAY,
 }
+
+
+REFUSED: tuple[type[Exception], ...] = (ServiceError, *_TRANSLATIONS)
+"""Errors that are an answer, wherever they are raised."""
 
 
 def _bad_document(faults: Sequence[Fault]) -> ServiceError:

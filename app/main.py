@@ -9,6 +9,7 @@ from importlib.metadata import version
 from fastapi import FastAPI
 
 from app import errors, openapi
+from app.auth import Gate
 from app.middleware import BodyLimit, HostGuard, RequestContext
 from app.routes import catalogue, events, health, jobs, pages, results, sweeps
 from app.service import Service
@@ -48,6 +49,7 @@ def create_app(settings: Settings | None = None) -> FastAPI:
     openapi.install(app)
     # Added last is asked first.
     app.add_middleware(BodyLimit, limit=settings.body_bytes)
+    app.add_middleware(Gate, doorkeeper=service.doorkeeper)
     app.add_middleware(HostGuard, names=LOOPBACK_NAMES | set(settings.allowed_hosts))
     app.add_middleware(RequestContext)
     return app

@@ -8,6 +8,7 @@ from email.message import Message
 
 from fastapi import Request
 
+from app.auth import principal_of
 from app.errors import ServiceError, wrong_parameter
 
 LONGEST_WAIT = 60.0
@@ -32,11 +33,17 @@ async def json_body(request: Request) -> bytes:
 
 
 def idempotency_key(request: Request) -> str | None:
-    """Return the Idempotency-Key of a request; raises 422 for one that is empty or too long."""
+    """Return the Idempotency-Key of a request, with the API key for which alone it counts.
+
+    Raises 422 for one that is empty or too long.
+    """
     key = request.headers.get("idempotency-key")
-    if key is not None and not 0 < len(key) <= MAX_KEY:
+    if key is None:
+        return None
+    if not 0 < len(key) <= MAX_KEY:
         raise wrong_parameter("Idempotency-Key", f"must have 1 to {MAX_KEY} characters")
-    return key
+    whose = principal_of(request).key
+    return key if whose is None else f"{whose}\0{key}"
 
 
 def preferred_wait(request: Request) -> float | None:

@@ -7,6 +7,7 @@ from typing import Any, cast
 from fastapi import FastAPI
 from fastapi.openapi.utils import get_openapi
 
+from app.auth import needed_scope
 from app.errors import PROBLEM_JSON
 from app.problems import PROBLEMS
 from solvers.spec import job_schema
@@ -127,13 +128,25 @@ def _document(app: FastAPI) -> dict[str, Any]:
     schemas = document.setdefault("components", {}).setdefault("schemas", {})
     schemas.update(job.pop("$defs", {}))
     schemas["JobDocument"] = job
+    document["components"]["securitySchemes"] = {
+        "key": {
+            "type": "http",
+            "scheme": "bearer",
+            "description": "An API key; asked for only where the operator has made keys.",
+        }
+    }
     schemas["SweepRange"] = _RANGE_SCHEMA
     schemas["Problem"] = _PROBLEM_SCHEMA
     # The framework's own shape of a 422 is never sent.
     for name in ("HTTPValidationError", "ValidationError"):
         schemas.pop(name, None)
-    for path in document["paths"].values():
-        for operation in path.values():
+    for path, operations in document["paths"].items():
+        for method, operation in operations.items():
+            if needed_scope(method.upper(), path) is not None:
+                operation["security"] = [{}, {"key": []}]
+                operation["responses"] |= {
+                    str(status): description for status, description in refusals(401, 403, 429, 503).items()
+                }
             if "application/json" in operation["responses"].get("422", {}).get("content", {}):
                 operation["responses"]["422"] = refusals(422)[422]
     return document

@@ -28,6 +28,18 @@ PROBLEMS: Mapping[str, Problem] = {
         " reaching it through a name of their own. The operator lists further names in "
         "ONDELETTE_ALLOWED_HOSTS.",
     ),
+    "unauthorized": Problem(
+        401,
+        "Unauthorized",
+        "This service asks for an API key: send it as Authorization: Bearer. The operator makes keys with "
+        "ondelette keys create.",
+    ),
+    "forbidden": Problem(
+        403,
+        "Forbidden",
+        "The API key is known but lacks the scope (submit, read, cancel, metrics or admin) that this "
+        "request needs.",
+    ),
     "not-found": Problem(
         404,
         "Not found",
@@ -100,10 +112,28 @@ PROBLEMS: Mapping[str, Problem] = {
         "Idempotency key reused",
         "This Idempotency-Key was used with another body before; choose a new one.",
     ),
+    "rate-limited": Problem(
+        429,
+        "Too many requests",
+        "The API key has made too many requests in a short time; Retry-After says when it may make the "
+        "next one, RateLimit and RateLimit-Policy what it may make.",
+    ),
+    "quota-exceeded": Problem(
+        429,
+        "Quota exceeded",
+        "The project of the API key has as many active jobs as it may have; submit again when some have "
+        "ended.",
+    ),
     "internal": Problem(
         500,
         "Internal error",
         "Something went wrong that should not have. The request id finds the cause in the service's log.",
+    ),
+    "queue-full": Problem(
+        503,
+        "Queue full",
+        "As many jobs wait as this service takes. Nothing was accepted; try again after the time that "
+        "Retry-After gives.",
     ),
     "unavailable": Problem(
         503,

@@ -73,6 +73,8 @@ class JobView(BaseModel):
     cancel_requested: bool = Field(
         description="True from the moment at which a running job was asked to stop."
     )
+    project: str
+    submitted_by: str | None = Field(description="Id of the API key that it was submitted with.")
     sweep: str | None = Field(description="Id of the sweep that it is a point of.")
     links: JobLinks
 
@@ -101,6 +103,8 @@ class JobView(BaseModel):
             else JobErrorView(type=error.type, title=error.title, detail=error.detail),
             attempts=record.attempts,
             cancel_requested=record.cancel_requested,
+            project=record.project,
+            submitted_by=record.submitted_by,
             sweep=None if record.sweep is None else record.sweep.sweep,
             links=JobLinks(
                 self=here,

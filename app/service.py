@@ -11,6 +11,7 @@ from typing import Annotated, cast
 
 from fastapi import Depends, Request
 
+from app.auth import OWNER, Doorkeeper, Principal, read_bootstrap_key
 from app.errors import ServiceError
 from app.settings import Settings
 from app.watch import StatusWatch
@@ -19,7 +20,9 @@ from solvers.sizes import ProblemSize, problem_size
 from solvers.spec import JobSpec, answer_digest, check_document, parse_document
 from worker.claims import Claims
 from worker.errors import JobGone, JobNotFound, QueueUnavailable
+from worker.keys import KeyStore, digest
 from worker.queue import JobQueue, make_celery
+from worker.rates import RateLimiter
 from worker.reconciler import Reconciler
 from worker.records import JobRecord, JobStatus, Priority, SweepPlace, new_job_id
 from worker.store import JobStore, connect
@@ -37,6 +40,7 @@ class Service:
     sweeps: SweepStore
     queue: JobQueue
     claims: Claims
+    doorkeeper: Doorkeeper
     watch: StatusWatch
     reconciler: Reconciler
 
@@ -47,12 +51,17 @@ class Service:
         redis = connect(settings, timeout=3.0)
         store = JobStore(redis, settings)
         queue = JobQueue(make_celery(settings), redis, settings)
+        sweeps = SweepStore(store, settings)
+        keys, rates = KeyStore(redis, settings), RateLimiter(redis, settings)
+        file = settings.bootstrap_key_file
+        bootstrap = None if file is None else digest(read_bootstrap_key(file))
         return cls(
             settings,
             store,
-            SweepStore(store, settings),
+            sweeps,
             queue,
             Claims(redis, settings),
+            Doorkeeper(settings, keys, rates, store, sweeps, bootstrap),
             StatusWatch(store, settings),
             Reconciler(store, queue, settings.visibility_seconds, settle=settings.reconcile_seconds / 2),
         )
@@ -62,15 +71,15 @@ class Service:
         self.queue.close()
         self.store.redis.close()
 
-    def submit(self, body: bytes, key: str | None) -> JobRecord:
-        """Check a document, remember it and put it into the queue; return the job.
+    def submit(self, body: bytes, key: str | None, principal: Principal = OWNER) -> JobRecord:
+        """Check a document, remember it and put it into the queue; return the job of ``principal``.
 
         ``key`` is the client's Idempotency-Key: the job of an earlier submission with it is returned instead.
         Raises DocumentError, KeyReused, KeyInFlight, and QueueUnavailable, after which nothing is remembered.
         """
         spec, size = check(body)
-        self.find_start(spec)
-        record = new_record(spec, size)
+        self.find_start(spec, principal)
+        record = new_record(spec, size, principal)
         job_id = self.once(
             key,
             body,
@@ -107,12 +116,25 @@ class Service:
         self.claims.settle(key)
         return bound
 
-    def find_start(self, spec: JobSpec) -> None:
+    def admit(self, project: str, count: int) -> None:
+        """Refuse ``count`` more jobs where a project has its share of active ones or the queue is full."""
+        room = self.settings.project_jobs - count
+        if (active := self.store.active(project, room + 1)) > room:
+            detail = (
+                f"{active:,} jobs of this project are active; at most {self.settings.project_jobs:,} may be."
+            )
+            raise ServiceError("quota-exceeded", detail, headers={"Retry-After": "10"})
+        if (waiting := self.store.waiting()) + count > self.settings.queued_jobs:
+            detail = f"{waiting:,} jobs wait; the queue takes {self.settings.queued_jobs:,}."
+            raise ServiceError("queue-full", detail, headers={"Retry-After": "30"})
+
+    def find_start(self, spec: JobSpec, principal: Principal) -> None:
         """Refuse a document that wants to start from a job that is unknown or has no result yet."""
         if spec.warm_start is None:
             return
         try:
             there = self.store.result(spec.warm_start) is not None
+            there = there and principal.only in (None, self.store.project(spec.warm_start))
         except (JobNotFound, JobGone):
             there = False
         if not there:
@@ -120,18 +142,19 @@ class Service:
             raise DocumentError([Fault("/warm_start", detail)])
 
     def _make(self, record: JobRecord, spec: JobSpec, body: bytes) -> None:
+        self.admit(record.project, 1)
         # The record first: a worker may have the message before this process has its answer. One that is not
         # answered here, should this process end in between, is published by the reconciler.
         self.store.add(record, body)
-        if spec.reuse and self._reuse(record.id, spec):
+        if spec.reuse and self._reuse(record, spec):
             return
         try:
             self.queue.enqueue(record)
         except QueueUnavailable:
-            self.store.discard(record.id)
+            self.store.discard(record)
             raise
 
-    def _reuse(self, job_id: str, spec: JobSpec) -> bool:
+    def _reuse(self, record: JobRecord, spec: JobSpec) -> bool:
         """End a job with the answer of an earlier one, if there is one to the same question."""
         resolution = spec.resolved()
         earlier = self.store.answered(answer_digest(resolution.document))
@@ -139,14 +162,15 @@ class Service:
             return False
         try:
             text = self.store.result(earlier)
+            shared = self.store.project(earlier) == record.project
         except (JobNotFound, JobGone):
             return False
-        if text is None:
+        if text is None or not shared:
             return False
         # The answer is the earlier one's, the document and its labels are this one's.
-        own = {"job_id": job_id, "reused_from": earlier, "resolved": resolution.to_dict()}
+        own = {"job_id": record.id, "reused_from": earlier, "resolved": resolution.to_dict()}
         result = json.dumps(json.loads(text) | own, allow_nan=False, separators=(",", ":"))
-        return self.store.answer(job_id, earlier, result.encode())
+        return self.store.answer(record.id, earlier, result.encode())
 
     def retry_after(self, record: JobRecord) -> int:
         """Return after how many seconds it is worth asking for an active job again."""
@@ -175,8 +199,10 @@ class Service:
         return ServiceError("not-ready", detail, headers={"Retry-After": str(self.retry_after(record))})
 
 
-def new_record(spec: JobSpec, size: ProblemSize, sweep: SweepPlace | None = None) -> JobRecord:
-    """Return the record of a new job for a checked document.
+def new_record(
+    spec: JobSpec, size: ProblemSize, principal: Principal, sweep: SweepPlace | None = None
+) -> JobRecord:
+    """Return the record of a new job of ``principal`` for a checked document.
 
     A point of a sweep lets single jobs go first, unless its document says how urgent it is.
     """
@@ -194,6 +220,8 @@ def new_record(spec: JobSpec, size: ProblemSize, sweep: SweepPlace | None = None
         priority=Priority.LOW if patient else Priority(spec.priority),
         deadline_at=None if spec.deadline_seconds is None else now + spec.deadline_seconds,
         sweep=sweep,
+        project=principal.project,
+        submitted_by=principal.key,
     )
 
 

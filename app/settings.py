@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Annotated
 
 from pydantic import Field, field_validator
@@ -24,6 +25,28 @@ class Settings(QueueSettings):
         description="Period in which one of all API processes looks for jobs that nobody has, in seconds.",
     )
     body_bytes: int = Field(default=2 * 2**20, ge=1024, description="Largest request body, in bytes.")
+
+    require_keys: bool = Field(
+        default=False, description="Whether nobody enters without an API key, even if none was made yet."
+    )
+    bootstrap_key_file: Path | None = Field(
+        default=None, description="File with a key of scope admin, for a service that has no other yet."
+    )
+    key_cache_seconds: float = Field(
+        default=2.0, ge=0, description="Seconds after which a revoked key has lost its effect everywhere."
+    )
+    submit_rate: int = Field(
+        default=600, ge=0, description="Submissions that a key may make a minute; 0 for any number."
+    )
+    request_rate: int = Field(
+        default=6000, ge=0, description="Other requests that a key may make a minute; 0 for any number."
+    )
+    project_jobs: int = Field(
+        default=20_000, ge=1, description="Jobs of one project that may wait or run at a time."
+    )
+    queued_jobs: int = Field(
+        default=100_000, ge=1, description="Jobs that may wait at a time; then submissions are refused."
+    )
 
     @field_validator("allowed_hosts", mode="before")
     @classmethod

@@ -11,6 +11,7 @@ from typing import Any, Literal
 
 from pydantic import BaseModel, Field
 
+from app.auth import Principal
 from app.schemas import VerificationView
 from app.service import Service, new_record
 from solvers.sizes import problem_size
@@ -68,7 +69,7 @@ class SweepView(BaseModel):
     links: SweepLinks
 
 
-def submit_sweep(service: Service, body: bytes, key: str | None) -> str:
+def submit_sweep(service: Service, body: bytes, key: str | None, principal: Principal) -> str:
     """Check a sweep and all documents of its points, then queue a job for each; return the sweep's id.
 
     ``key`` is the client's Idempotency-Key. Raises as `Service.submit` does. All jobs are recorded in one
@@ -76,23 +77,28 @@ def submit_sweep(service: Service, body: bytes, key: str | None) -> str:
     """
     plan = check_sweep(parse_document(body))
     for spec in {point.spec.warm_start: point.spec for point in plan.points}.values():
-        service.find_start(spec)
+        service.find_start(spec, principal)
     sweep_id = new_job_id()
     return service.once(
-        key, body, sweep_id, lambda bound: _queue(service, bound, plan), service.sweeps.exists
+        key, body, sweep_id, lambda bound: _queue(service, bound, plan, principal), service.sweeps.exists
     )
 
 
-def _queue(service: Service, sweep_id: str, plan: SweepPlan) -> None:
+def _queue(service: Service, sweep_id: str, plan: SweepPlan, principal: Principal) -> None:
+    service.admit(principal.project, len(plan.points))
     jobs = [
         (
-            new_record(point.spec, problem_size(point.spec), SweepPlace(sweep_id, index, point.place)),
+            new_record(
+                point.spec, problem_size(point.spec), principal, SweepPlace(sweep_id, index, point.place)
+            ),
             json.dumps(point.document).encode(),
         )
         for index, point in enumerate(plan.points)
     ]
     name = plan.points[0].spec.name or None
-    record = SweepRecord(sweep_id, plan.pointers, plan.zipped, len(jobs), time.time(), name)
+    record = SweepRecord(
+        sweep_id, plan.pointers, plan.zipped, len(jobs), time.time(), name, project=principal.project
+    )
     service.sweeps.add(record, jobs, [point.values for point in plan.points])
     _publish(service, [jobs[index][0] for index in plan.path])
 

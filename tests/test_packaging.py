@@ -51,7 +51,16 @@ def test_there_are_an_api_workers_and_a_broker() -> None:
         "healthcheck",
         "volumes",
     }
-    known |= {"init", "restart", "read_only", "tmpfs", "cap_drop", "security_opt", "stop_grace_period"}
+    known |= {
+        "init",
+        "restart",
+        "read_only",
+        "tmpfs",
+        "cap_drop",
+        "security_opt",
+        "stop_grace_period",
+        "secrets",
+    }
     for name, service in SERVICES.items():
         assert set(service) <= known, name
         assert IMAGE.fullmatch(service["image"]), f"{name}: a pinned image"
@@ -61,7 +70,10 @@ def test_there_are_an_api_workers_and_a_broker() -> None:
 def test_the_commands_of_the_containers_are_commands_of_ours() -> None:
     name, options = parsed(SERVICES["api"]["command"])
     assert name == "api"
-    assert (options["host"], options["insecure"]) == ("0.0.0.0", True)
+    assert (options["host"], options["insecure"]) == ("0.0.0.0", False)
+    file = SERVICES["api"]["environment"]["ONDELETTE_BOOTSTRAP_KEY_FILE"]
+    assert [f"/run/secrets/{name}" for name in SERVICES["api"]["secrets"]] == [file]
+    assert COMPOSE["secrets"]["ondelette_key"]["file"].startswith("./secrets/")
     assert SERVICES["api"]["ports"] == [f"127.0.0.1:8000:{options['port']}"]
     assert f"127.0.0.1:{options['port']}/livez" in " ".join(SERVICES["api"]["healthcheck"]["test"])
     name, options = parsed(SERVICES["worker"]["command"])

@@ -13,6 +13,9 @@ from datetime import UTC, datetime
 from enum import StrEnum
 from typing import Any
 
+DEFAULT_PROJECT = "default"
+"""The project of jobs that were submitted without a key."""
+
 _JOB_ID = re.compile(r"[0-9a-f]{8}-[0-9a-f]{4}-7[0-9a-f]{3}-[89ab][0-9a-f]{3}-[0-9a-f]{12}")
 
 _EVENT_NUMBER = re.compile(r"\d{1,18}-\d{1,18}")
@@ -114,9 +117,10 @@ class JobRecord:
 
     ``version`` grows by one with every change, so that two readings are equal exactly if their versions are.
     ``estimate`` is the time that the solve was expected to take, in seconds, when the job was accepted.
-    ``attempts`` counts starts, ``losses`` those whose worker vanished without a word. After ``deadline_at``
-    nobody waits for the answer any more. An ended job is kept until ``expires_at``, or until it is erased if
-    it is ``pinned``. ``reused_from`` is the job whose answer this one has, which was not solved then.
+    ``submitted_by`` is the id of the API key. ``attempts`` counts starts, ``losses`` those whose worker
+    vanished without a word. After ``deadline_at`` nobody waits for the answer any more. An ended job is kept
+    until ``expires_at``, or until it is erased if it is ``pinned``. ``reused_from`` is the job whose answer
+    this one has, which was not solved then.
     """
 
     id: str
@@ -130,6 +134,8 @@ class JobRecord:
     priority: Priority = Priority.NORMAL
     deadline_at: float | None = None
     sweep: SweepPlace | None = None
+    project: str = DEFAULT_PROJECT
+    submitted_by: str | None = None
     started_at: float | None = None
     finished_at: float | None = None
     progress: Mapping[str, Any] | None = None
@@ -153,6 +159,7 @@ class JobRecord:
             "created_at": repr(self.created_at),
             "estimate": repr(self.estimate),
             "tags": json.dumps(self.tags),
+            "project": self.project,
             "priority": self.priority.value,
             "version": str(self.version),
         }
@@ -160,6 +167,8 @@ class JobRecord:
             fields["name"] = self.name
         if self.deadline_at is not None:
             fields["deadline_at"] = repr(self.deadline_at)
+        if self.submitted_by is not None:
+            fields["submitted_by"] = self.submitted_by
         if self.sweep is not None:
             fields["sweep"] = self.sweep.to_json()
         return fields
@@ -178,6 +187,8 @@ class JobRecord:
             tags=tuple(json.loads(fields["tags"])),
             priority=Priority(fields["priority"]),
             deadline_at=float(fields["deadline_at"]) if "deadline_at" in fields else None,
+            project=fields["project"],
+            submitted_by=fields.get("submitted_by"),
             sweep=SweepPlace.from_json(fields["sweep"]) if "sweep" in fields else None,
             started_at=float(fields["started_at"]) if "started_at" in fields else None,
             finished_at=float(fields["finished_at"]) if "finished_at" in fields else None,

@@ -23,6 +23,7 @@ local function status() return redis.call('HGET', KEYS[1], 'status') end
 local function queued()
   return ({high = KEYS[9], normal = KEYS[10], low = KEYS[11]})[redis.call('HGET', KEYS[1], 'priority')]
 end
+local function project() return redis.call('HGET', KEYS[1], 'project') end
 local function mine(owner) return status() == 'running' and redis.call('HGET', KEYS[1], 'owner') == owner end
 local function owned_by(worker)
   local owner = redis.call('HGET', KEYS[1], 'owner')
@@ -81,7 +82,7 @@ local parts = {KEYS[1], KEYS[2], KEYS[3], KEYS[6]}
 local function expire()
   redis.call('HSET', KEYS[1], 'expires_at', ARGV[3] + ARGV[4])
   for _, key in ipairs(parts) do redis.call('EXPIRE', key, ARGV[4]) end
-  redis.call('SET', KEYS[4], '', 'EX', ARGV[4] + ARGV[5])
+  redis.call('SET', KEYS[4], project(), 'EX', ARGV[4] + ARGV[5])
 end
 local function finish(to, failure)
   count_end(to, failure)
@@ -312,9 +313,9 @@ ERASE = (
 -- KEYS[12] the index.
 local now = status()
 if not now or now == 'queued' or now == 'running' then return now end
+redis.call('SET', KEYS[4], project(), 'EX', ARGV[5])
 redis.call('DEL', KEYS[1], KEYS[2], KEYS[3], KEYS[6])
 redis.call('ZREM', KEYS[12], ARGV[1])
-redis.call('SET', KEYS[4], '', 'EX', ARGV[5])
 return 'erased'
 """
 )

@@ -46,6 +46,7 @@ _COMPRESSION = 3
 _MEMORY = 30 * 86_400
 _SCAN = 100
 _SCANS_PER_PAGE = 20
+_COUNTED_AT_ONCE = 1_000
 
 _GIVEN_UP = JobError(
     FailureType.WORKER_LOST,
@@ -109,6 +110,7 @@ class JobStore:
         self._index = f"{settings.prefix}index"
         self._queued = {priority: f"{settings.prefix}queued:{priority}" for priority in Priority}
         self._deadlines = f"{settings.prefix}deadlines"
+        self._projects = f"{settings.prefix}projects"
         self._running = f"{settings.prefix}running"
         self._counts = f"{settings.prefix}counts"
         self._unacked = f"{settings.prefix}unacked_index"
@@ -142,16 +144,27 @@ class JobStore:
         pipe.hset(job, mapping=cast(Any, record.to_hash()))
         pipe.set(body, zlib.compress(document, _COMPRESSION))
         pipe.zadd(self._index, {record.id: 0})
+        pipe.zadd(self._index_of(record.project), {record.id: 0})
+        pipe.sadd(self._active_of(record.project), record.id)
+        pipe.sadd(self._projects, record.project)
         pipe.zadd(self._queued[record.priority], {record.id: record.created_at})
         if record.deadline_at is not None:
             pipe.zadd(self._deadlines, {record.id: record.deadline_at})
         pipe.xadd(self._stream(record.id), _first_event(record))
 
-    def discard(self, job_id: str) -> None:
+    def discard(self, record: JobRecord) -> None:
         """Forget a job that could not be queued, without a trace: its id was never told to anybody."""
+        job_id, project = record.id, record.project
         with self.redis.pipeline(transaction=True) as pipe:
             pipe.delete(*self._keys(job_id), self._stream(job_id))
-            for register in (self._index, *self._queued.values(), self._running, self._deadlines):
+            pipe.srem(self._active_of(project), job_id)
+            for register in (
+                self._index,
+                self._index_of(project),
+                *self._queued.values(),
+                self._running,
+                self._deadlines,
+            ):
                 pipe.zrem(register, job_id)
             pipe.execute()
 
@@ -169,6 +182,38 @@ class JobStore:
     def exists(self, job_id: str) -> bool:
         """Tell whether a job is remembered."""
         return bool(self.redis.exists(self._keys(job_id)[0]))
+
+    def project(self, job_id: str) -> str:
+        """Return the project of a job, also of one that was erased or has outlived its retention."""
+        job, _, _, tombstone = self._keys(job_id)
+        with self.redis.pipeline(transaction=False) as pipe:
+            pipe.hget(job, "project")
+            pipe.get(tombstone)
+            project, buried = pipe.execute()
+        if project is None and buried is None:
+            raise JobNotFound(job_id)
+        return str((buried if project is None else project).decode())
+
+    def active(self, project: str, limit: int) -> int:
+        """Return how many jobs of a project wait or run; exact where these are at least ``limit``."""
+        register = self._active_of(project)
+        count = self.redis.scard(register)
+        if count < limit or (count > _COUNTED_AT_ONCE and not self.take_turn(f"active:{project}", 0.5)):
+            return count
+        members = [job_id.decode() for job_id in cast(set[bytes], self.redis.smembers(register))]
+        ended = [
+            job_id
+            for job_id, status in zip(members, self.statuses(members), strict=True)
+            if status is None or status.final
+        ]
+        return count - (self.redis.srem(register, *ended) if ended else 0)
+
+    def waiting(self) -> int:
+        """Return how many jobs wait."""
+        with self.redis.pipeline(transaction=False) as pipe:
+            for register in self._queued.values():
+                pipe.zcard(register)
+            return sum(pipe.execute())
 
     def statuses(self, job_ids: Sequence[str]) -> list[JobStatus | None]:
         """Return the status of each job, None for one that is not remembered."""
@@ -241,18 +286,25 @@ class JobStore:
             raise JobActive(job_id)
 
     def page(
-        self, limit: int, after: str | None = None, wanted: Callable[[JobRecord], bool] = lambda record: True
+        self,
+        limit: int,
+        after: str | None = None,
+        wanted: Callable[[JobRecord], bool] = lambda record: True,
+        project: str | None = None,
     ) -> tuple[list[JobRecord], str | None]:
         """List jobs, newest first: at most ``limit`` of those ``wanted``, from behind the id ``after``.
+
+        All jobs, or those of one ``project``.
 
         Returns the records and the id behind which to go on, None at the end. A page may hold fewer than
         ``limit`` records and still not be the last: one call looks at a bounded number of jobs.
         """
         found: list[JobRecord] = []
+        index = self._index if project is None else self._index_of(project)
         top = "+" if after is None else f"({after}"
         for _ in range(_SCANS_PER_PAGE):
-            ids = cast(list[bytes], self.redis.zrevrangebylex(self._index, top, "-", start=0, num=_SCAN))
-            records = self._records(ids)
+            ids = cast(list[bytes], self.redis.zrevrangebylex(index, top, "-", start=0, num=_SCAN))
+            records = self._records(ids, index)
             for record in filter(wanted, records):
                 if len(found) == limit:
                     return found, found[-1].id
@@ -397,8 +449,12 @@ class JobStore:
 
     def tidy(self, limit: int) -> int:
         """Drop those of the ``limit`` oldest entries of the list of jobs whose time of keeping has passed."""
-        ids = cast(list[bytes], self.redis.zrangebylex(self._index, "-", "+", start=0, num=limit))
-        return len(ids) - len(self._records(ids))
+        projects = cast(set[bytes], self.redis.smembers(self._projects))
+        dropped = 0
+        for index in (self._index, *(self._index_of(name.decode()) for name in projects)):
+            ids = cast(list[bytes], self.redis.zrangebylex(index, "-", "+", start=0, num=limit))
+            dropped += len(ids) - len(self._records(ids, index))
+        return dropped
 
     # Inside.
 
@@ -436,14 +492,20 @@ class JobStore:
         )
         return cast(bytes | int | None, script(keys=[*ours, *keys], args=[*common, *args]))
 
-    def _records(self, ids: Sequence[bytes]) -> list[JobRecord]:
+    def _index_of(self, project: str) -> str:
+        return f"{self._index}:{project}"
+
+    def _active_of(self, project: str) -> str:
+        return f"{self._prefix}active:{project}"
+
+    def _records(self, ids: Sequence[bytes], index: str) -> list[JobRecord]:
         with self.redis.pipeline(transaction=False) as pipe:
             for job_id in ids:
                 pipe.hgetall(self._keys(job_id.decode())[0])
             hashes = pipe.execute() if ids else []
         expired = [job_id for job_id, fields in zip(ids, hashes, strict=True) if not fields]
         if expired:
-            self.redis.zrem(self._index, *expired)
+            self.redis.zrem(index, *expired)
         return [_record(fields) for fields in hashes if fields]
 
 

@@ -19,7 +19,7 @@ from dataclasses import dataclass
 from typing import Any, cast
 
 from worker.errors import JobGone, JobNotFound
-from worker.records import JobRecord, SweepPlace, is_job_id
+from worker.records import DEFAULT_PROJECT, JobRecord, SweepPlace, is_job_id
 from worker.settings import QueueSettings
 from worker.store import JobStore
 
@@ -50,6 +50,7 @@ class SweepRecord:
     created_at: float
     name: str | None = None
     finished_at: float | None = None
+    project: str = DEFAULT_PROJECT
 
     def to_hash(self) -> dict[str, str]:
         """Return the record of a new sweep as fields of a Redis hash."""
@@ -59,6 +60,7 @@ class SweepRecord:
             "zipped": str(int(self.zipped)),
             "count": str(self.count),
             "created_at": repr(self.created_at),
+            "project": self.project,
         }
         return fields if self.name is None else {**fields, "name": self.name}
 
@@ -72,6 +74,7 @@ class SweepRecord:
             count=int(fields["count"]),
             created_at=float(fields["created_at"]),
             name=fields.get("name"),
+            project=fields["project"],
             finished_at=float(fields["finished_at"]) if "finished_at" in fields else None,
         )
 

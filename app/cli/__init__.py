@@ -16,6 +16,7 @@ from app.cli.cases import case, cases
 from app.cli.common import CommandGroup
 from app.cli.demo import demo
 from app.cli.jobs import cancel, list_jobs, result, submit, watch
+from app.cli.keys import keys
 from app.cli.replay import replay
 from app.cli.service import api, serve, worker
 from app.cli.solve import solve
@@ -40,6 +41,7 @@ for command in (
     list_jobs,
     cases,
     case,
+    keys,
     demo,
     bench,
 ):

@@ -34,12 +34,17 @@ NO_RESULT = 404
 
 
 def connect(server: str) -> Client:
-    """A client of ``server``; ends with 2 where that is no address."""
+    """A client of ``server``, with the key in ``ONDELETTE_KEY``; ends with 2 where that is no address.
+
+    The key is no option: the arguments of a process are seen by all users of a machine.
+    """
+    import os
+
     from app.client import Client
 
     if not server.startswith(("http://", "https://")):
         fail(f"--server must be an http:// or https:// address, not {server!r}", ExitCode.BAD_INPUT)
-    return Client(server)
+    return Client(server, key=os.environ.get("ONDELETTE_KEY"))
 
 
 def follower(bar: Progress) -> Callable[[Job], None]:

@@ -16,16 +16,20 @@ import click
 from app.cli.common import ExitCode, fail
 
 if TYPE_CHECKING:
+    from app.settings import Settings
     from worker.settings import QueueSettings
 
 T = TypeVar("T", bound="QueueSettings")
+S = TypeVar("S", bound="Settings")
 
 host_option = click.option("--host", default="127.0.0.1", show_default=True, help="Address to listen on.")
 port_option = click.option(
     "--port", type=click.IntRange(0, 65535), default=8000, show_default=True, help="Port; 0 takes a free one."
 )
 insecure_option = click.option(
-    "--insecure", is_flag=True, help="Allow --host beyond this machine: anybody who reaches it may use it."
+    "--insecure",
+    is_flag=True,
+    help="Allow --host beyond this machine without API keys: anybody who reaches it may use it.",
 )
 broker_option = click.option(
     "--broker", help="Address of a running Redis or Valkey server (redis://, rediss://, unix://)."
@@ -41,14 +45,28 @@ def is_loopback(host: str) -> bool:
     return all(ipaddress.ip_address(str(address).partition("%")[0]).is_loopback for address in addresses)
 
 
-def require_loopback(host: str, insecure: bool) -> None:
-    """Refuse to listen to the network unless asked for in so many words: there is no login yet."""
-    if not insecure and not is_loopback(host):
-        fail(
-            f"refusing to listen on {host or 'every address'}: everybody who reaches it could run jobs here, "
-            "for there are no API keys yet. Add --insecure if a firewall or a proxy stands before it.",
-            ExitCode.BAD_INPUT,
+def protected(settings: S, host: str, insecure: bool) -> S:
+    """The settings with which a service may listen on ``host``: keys are needed beyond this machine."""
+    if insecure or is_loopback(host):
+        return settings
+    return settings.model_copy(update={"require_keys": True})
+
+
+def check_keys(settings: Settings) -> None:
+    """End with 2 where keys are needed and there is none: nobody could enter, or anybody."""
+    from redis.exceptions import RedisError
+
+    from app.auth import missing_keys
+
+    try:
+        reason = missing_keys(settings)
+    except RedisError as error:
+        reason = (
+            f"whether there are API keys cannot be told, for the broker does not answer ({error}); "
+            "--insecure does without"
         )
+    if reason is not None:
+        fail(f"refusing to start: {reason}", ExitCode.BAD_INPUT)
 
 
 @click.command(short_help="The whole service: API, workers, broker.")
@@ -79,14 +97,17 @@ def serve(
     insecure: bool,
 ) -> None:
     """Run the whole service: API, workers and a broker of its own. Ctrl-C stops it."""
+    from app.embedded.broker import address_of
     from app.embedded.service import EmbeddedService, ServiceOptions, ServiceStopped, StopRequest
     from app.settings import Settings
     from worker.settings import WorkerSettings
 
-    require_loopback(host, insecure)
-    load(Settings, broker)
+    settings = protected(load(Settings, broker), host, insecure)
     load(WorkerSettings, broker)
-    options = ServiceOptions(data, host, port, workers, broker, broker_binary)
+    if settings.require_keys and (broker is not None or address_of(data) is None):
+        # With the broker still in its folder it is asked as soon as it runs.
+        check_keys(settings)
+    options = ServiceOptions(data, host, port, workers, broker, broker_binary, settings.require_keys)
     with (
         contextlib.suppress(ServiceStopped),
         EmbeddedService(options, click.echo, StopRequest()) as service,
@@ -123,9 +144,10 @@ def api(host: str, port: int, broker: str | None, insecure: bool, fd: int | None
     from app.embedded.service import bind, http_address
     from app.settings import Settings
 
-    settings = load(Settings, broker)
+    settings = protected(load(Settings, broker), host, insecure)
     if fd is None:
-        require_loopback(host, insecure)
+        if settings.require_keys:
+            check_keys(settings)
         listener = bind(host, port)
         click.echo(f"API      {http_address(listener)}")
     else:

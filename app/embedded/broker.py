@@ -56,6 +56,12 @@ class DataDirectory:
         os.close(self._lock)
 
 
+def address_of(data: Path) -> str | None:
+    """The address of the broker that is, or was last, embedded in a data folder; None if none ever was."""
+    note = data.expanduser() / "broker" / "address"
+    return note.read_text().strip() if note.exists() else None
+
+
 class EmbeddedBroker:
     """A server with an append-only file in the data folder, reached through a private unix socket only.
 
@@ -76,6 +82,7 @@ class EmbeddedBroker:
             # the folder that mkdtemp makes.
             self._temporary = Path(tempfile.mkdtemp(prefix="ondelette-", dir="/tmp"))
             self.socket = self._temporary / "broker.sock"
+        (self.folder / "address").write_text(f"{self.url}\n")
 
     def _check_writer(self) -> None:
         """Refuse files that this server cannot be trusted to read, and sign the folder."""

@@ -31,7 +31,8 @@ class ServiceOptions:
     """What ``ondelette serve`` is asked for.
 
     ``port`` 0 takes a free one; ``broker`` is the address of a running broker (then none is started and
-    ``data`` and ``binary`` are not used); ``output`` is where the processes write (default: where we write).
+    ``data`` and ``binary`` are not used); ``keys_needed`` lets nobody enter without an API key; ``output`` is
+    where the processes write (default: where we write).
     """
 
     data: Path
@@ -40,6 +41,7 @@ class ServiceOptions:
     workers: int | None = None
     broker: str | None = None
     binary: str | None = None
+    keys_needed: bool = False
     output: IO[bytes] | None = None
 
 
@@ -128,6 +130,9 @@ class EmbeddedService:
             undo.callback(self._supervisor.stop)
             self._say(f"broker   {_without_password(address)}")
         environment = {BROKER_VARIABLE: address}
+        if options.keys_needed:
+            _check_keys(address)
+            environment["ONDELETTE_REQUIRE_KEYS"] = "1"
         concurrency = [] if options.workers is None else ["--concurrency", str(options.workers)]
         worker = ondelette("worker", *concurrency)
         grace = WorkerSettings().shutdown_seconds + WORKER_MARGIN
@@ -190,6 +195,15 @@ class EmbeddedService:
         """
         self._raise_if_asked_to_stop()
         self._supervisor.poll()
+
+
+def _check_keys(address: str) -> None:
+    """Raise ``ServiceStartError`` where keys are needed and there is none."""
+    from app.auth import missing_keys
+    from app.settings import Settings
+
+    if (reason := missing_keys(Settings(broker=address))) is not None:
+        raise ServiceStartError(f"Refusing to start: {reason}.")
 
 
 def ondelette(*arguments: str) -> list[str]:

@@ -9,6 +9,7 @@ from urllib.parse import urlencode
 from fastapi import APIRouter, Depends, Query, Request, Response
 from fastapi.concurrency import run_in_threadpool
 
+from app.auth import principal_of
 from app.errors import wrong_parameter
 from app.negotiation import LONGEST_WAIT, idempotency_key, json_body, matches_etag, preferred_wait
 from app.openapi import DOCUMENT_BODY, refusals
@@ -31,7 +32,7 @@ Key = Annotated[str | None, Depends(idempotency_key)]
 )
 async def submit(request: Request, service: Shared, body: Body, key: Key) -> Response:
     """Queue a job document. ``Prefer: wait=N`` delays the answer until the job is final, at most 60 s."""
-    record = await run_in_threadpool(service.submit, body, key)
+    record = await run_in_threadpool(service.submit, body, key, principal_of(request))
     wait = preferred_wait(request)
     if wait is not None:
         record = await service.watch.final(record.id, wait)
@@ -76,7 +77,9 @@ def jobs(
             and (name is None or record.name == name)
         )
 
-    records, last = service.store.page(limit, None if cursor is None else _id_of(cursor), wanted)
+    records, last = service.store.page(
+        limit, None if cursor is None else _id_of(cursor), wanted, principal_of(request).only
+    )
     following = None if last is None else _cursor_of(last)
     page = JobPage(jobs=[JobView.of(record) for record in records], next_cursor=following)
     response = _json(page.model_dump_json())

@@ -9,6 +9,7 @@ from typing import Annotated, Any
 from fastapi import APIRouter, Query, Request, Response
 from fastapi.concurrency import run_in_threadpool
 
+from app.auth import principal_of
 from app.errors import wrong_parameter
 from app.negotiation import LONGEST_WAIT, chosen_type, preferred_wait
 from app.openapi import SWEEP_BODY, refusals
@@ -35,7 +36,7 @@ _MEDIA = {"csv": "text/csv", "npz": "application/x-npz"}
 )
 async def submit(request: Request, service: Shared, body: Body, key: Key) -> Response:
     """Queue a job for every point of a sweep. ``Prefer: wait=N`` delays the answer until all have ended."""
-    sweep_id = await run_in_threadpool(submit_sweep, service, body, key)
+    sweep_id = await run_in_threadpool(submit_sweep, service, body, key, principal_of(request))
     wait = preferred_wait(request)
     response = _answer(*await _seen(service, sweep_id, wait or 0.0), 202, table=True)
     response.headers["Location"] = response.headers["Content-Location"] = f"/v1/sweeps/{sweep_id}"

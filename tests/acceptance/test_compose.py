@@ -24,6 +24,7 @@ SERVICES: dict[str, Any] = yaml.safe_load((Path(__file__).parents[2] / "docker-c
     "services"
 ]
 PASSWORD = "0f1e2d3c4b5a"
+KEY = "0123456789abcdef" * 4
 
 
 def free_port() -> int:
@@ -51,7 +52,10 @@ def compose(tmp_path: Path) -> Iterator[tuple[str, list[subprocess.Popen[bytes]]
         for word in SERVICES["redis"]["command"]
     ]
     broker = [str(find_server().path), *words[1:], "--port", str(broker_port), "--bind", "127.0.0.1"]
-    environment = {**os.environ, "ONDELETTE_BROKER": f"redis://:{PASSWORD}@127.0.0.1:{broker_port}/0"}
+    secret = tmp_path / "ondelette_key"
+    secret.write_text(f"{KEY}\n")
+    environment = {**os.environ, "ONDELETTE_BOOTSTRAP_KEY_FILE": str(secret)}
+    environment |= {"ONDELETTE_BROKER": f"redis://:{PASSWORD}@127.0.0.1:{broker_port}/0"}
     api = SERVICES["api"]["command"][1:]
     api[api.index("--port") + 1] = str(port)
     ondelette = [sys.executable, "-m", "app.cli"]
@@ -67,7 +71,7 @@ def compose(tmp_path: Path) -> Iterator[tuple[str, list[subprocess.Popen[bytes]]
 
 def test_the_containers_commands_make_a_service(compose: tuple[str, list[subprocess.Popen[bytes]]]) -> None:
     url, processes = compose
-    with Client(url) as client:
+    with Client(url, key=KEY) as client:
         deadline = time.monotonic() + 30
         while True:
             try:
@@ -79,6 +83,8 @@ def test_the_containers_commands_make_a_service(compose: tuple[str, list[subproc
                 break
         results = [client.result(client.wait(job, timeout=30)["id"]) for job in jobs]
     assert all(result["success"] for result in results)
+    with Client(url) as stranger, pytest.raises(RequestRefused, match="Unauthorized"):
+        next(stranger.jobs())
     for child in processes:
         child.send_signal(signal.SIGTERM)
     assert [child.wait(10) for child in processes] == [0, 0, 0]

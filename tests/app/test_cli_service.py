@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import re
 import signal
@@ -23,6 +24,7 @@ from app.client import Client, ServerUnreachable
 from app.embedded.broker import DataDirectory
 from app.embedded.errors import ServiceStartError
 from tests.bad_documents import FLEXIBLE_SPACECRAFT, changed
+from worker.settings import QueueSettings
 
 
 @contextmanager
@@ -175,10 +177,53 @@ def test_broker_and_address_can_be_somebody_elses(tmp_path: Path, broker: str) -
 
 @pytest.mark.parametrize("command", ["serve", "api"])
 @pytest.mark.parametrize("host", ["0.0.0.0", "::", "192.0.2.1", ""])
-def test_listening_to_the_network_has_to_be_asked_for(command: str, host: str) -> None:
-    answer = CliRunner().invoke(main, [command, "--host", host])
+def test_nobody_listens_to_the_network_without_keys(
+    command: str, host: str, queue_settings: QueueSettings, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.setenv("ONDELETTE_PREFIX", queue_settings.prefix)
+    arguments = [command, "--host", host, "--broker", queue_settings.broker]
+    answer = CliRunner().invoke(main, arguments)
     assert answer.exit_code == 2
+    assert "there is no API key" in answer.stderr
     assert "--insecure" in answer.stderr
+    monkeypatch.setenv("ONDELETTE_BOOTSTRAP_KEY_FILE", str(tmp_path / "missing"))
+    answer = CliRunner().invoke(main, arguments)
+    assert answer.exit_code == 2
+    assert "ONDELETTE_BOOTSTRAP_KEY_FILE" in answer.stderr
+
+
+def test_a_data_folder_without_a_past_has_no_keys(tmp_path: Path) -> None:
+    answer = CliRunner().invoke(main, ["serve", "--host", "0.0.0.0", "--data", str(tmp_path / "new")])
+    assert answer.exit_code == 2
+    assert "refusing to start" in answer.stderr
+    assert not (tmp_path / "new").exists()
+
+
+def test_with_a_key_it_listens_and_lets_in_who_has_it(tmp_path: Path) -> None:
+    data = ("--data", str(tmp_path))
+    run = CliRunner()
+    with serving(*data) as (_, url):
+        made = run.invoke(main, ["keys", "create", "Ada", "--project", "slews", *data])
+        assert made.exit_code == 0, made.output
+        key = made.stdout.strip()
+        with Client(url, key=key) as client:
+            assert client.submit(FLEXIBLE_SPACECRAFT)["project"] == "slews"
+    with serving("--host", "0.0.0.0", *data) as (_, url):
+        with Client(url, key=key) as client:
+            assert len(list(client.jobs())) == 1
+        assert httpx.get(f"{url}/v1/jobs", trust_env=False).status_code == 401
+        assert httpx.get(f"{url}/readyz", trust_env=False).status_code == 200
+        listed = json.loads(run.invoke(main, ["keys", "list", "--json", *data]).stdout)
+        assert [(entry["name"], entry["valid"]) for entry in listed] == [("Ada", True)]
+        assert key.rpartition("_")[2] not in run.invoke(main, ["keys", "list", *data]).output
+        assert run.invoke(main, ["keys", "revoke", listed[0]["id"], *data]).exit_code == 0
+        assert run.invoke(main, ["keys", "revoke", "nobody", *data]).exit_code == 2
+        time.sleep(2.1)
+        assert httpx.get(f"{url}/v1/jobs", headers={"Authorization": f"Bearer {key}"}).status_code == 401
+    # All keys are revoked: there is none to enter with.
+    answer = run.invoke(main, ["serve", "--host", "0.0.0.0", *data, "--port", "0"])
+    assert answer.exit_code == 3
+    assert "there is no API key" in answer.stderr
 
 
 @pytest.mark.parametrize("host", ["127.0.0.1", "127.1.2.3", "::1", "localhost"])

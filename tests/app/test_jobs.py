@@ -38,6 +38,8 @@ JOB_KEYS = {
     "error",
     "attempts",
     "cancel_requested",
+    "project",
+    "submitted_by",
     "sweep",
     "links",
 }

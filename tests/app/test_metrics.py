@@ -105,6 +105,7 @@ def test_what_went_wrong_on_the_way(job: MakeJob, store: JobStore, queue: JobQue
         "lease_renewals": 2,
         "reclaimed": 1,
         "republished": 1,
+        "reused": 0,
     }
 
 
