@@ -50,6 +50,7 @@ class Solution:
     method: Mapping[str, Any]
     verification: Verification
     integrals: Mapping[str, float]
+    model_report: Mapping[str, Any] | None
     switching: Mapping[str, Any]
     constraints: Sequence[Mapping[str, Any]]
     convergence: Sequence[Mapping[str, Any]]
@@ -111,7 +112,7 @@ class Solution:
             "convergence": list(self.convergence),
             "starts": list(self.starts),
             "warnings": list(self.warnings),
-            "model_report": None,
+            "model_report": self.model_report,
             "phases": [phase],
         }
         return {key: _finite(value) for key, value in plain.items()}

@@ -13,6 +13,7 @@ from solvers.errors import DocumentError, Fault
 from solvers.first_answer import first_answers
 from solvers.improve import first_method, improve, wants_more
 from solvers.meshes import meshes_of
+from solvers.model_report import model_report
 from solvers.optimizers.ipopt import Limits
 from solvers.problem import OptimalControlProblem
 from solvers.progress import Progress, ProgressReport, SilentProgress
@@ -76,6 +77,7 @@ def solve(
         message=" ".join([message, *(item["detail"] for item in improved.warnings)]),
         method={**method.model_dump(exclude_none=True), **improved.summary},
         verification=verification,
+        model_report=model_report(problem, solved.trajectory),
         integrals=solved.transcription.integrals(solved.outcome.unknowns),
         switching=improved.switching(problem),
         constraints=constraint_margins(problem, solved.trajectory),

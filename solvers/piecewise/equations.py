@@ -9,7 +9,7 @@ from typing import Any
 from solvers.backends import Backend
 from solvers.dynamics import Dynamics, NodeScope
 from solvers.models import LIBRARY, Computed, Formula
-from solvers.spec import LibraryReference, SubmittedModel, definitions_of
+from solvers.spec import LibraryReference, SubmittedModel, definitions_of, written_out
 
 
 @dataclass(frozen=True)
@@ -26,7 +26,7 @@ class Equations:
     @classmethod
     def of(cls, submitted: SubmittedModel) -> Equations:
         """The equations of the ``model`` object of a checked document."""
-        model = submitted.expand() if isinstance(submitted, LibraryReference) else submitted
+        model = written_out(submitted)
         parameters = model.parameter_values()
         held: tuple[Computed, ...] = ()
         if isinstance(submitted, LibraryReference):

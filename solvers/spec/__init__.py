@@ -23,6 +23,7 @@ from solvers.spec.models import (
     MechanicalModel,
     SubmittedModel,
     definitions_of,
+    written_out,
 )
 from solvers.spec.problem import (
     BoundaryConstraint,
@@ -79,4 +80,5 @@ __all__ = [
     "job_schema",
     "parse_document",
     "path_intervals",
+    "written_out",
 ]

@@ -84,6 +84,7 @@ def _check_names(
 
 _ADVICE = {
     "constant": "a value is a number or an expression in parameters and constants",
+    "parameter": "the names here are parameters and constants",
     "model": "the names of a model are its states, controls, parameters, definitions and t",
     "path": "along the trajectory the names are those of the model, <coordinate>_ddot, <rated control>_dot",
     "boundary": (

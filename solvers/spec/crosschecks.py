@@ -19,7 +19,8 @@ from solvers.models import LIBRARY
 from solvers.spec.checks import check_bound, check_constant
 from solvers.spec.faults import Flaws, Path
 from solvers.spec.matrices import MatrixOf, matrix_rows
-from solvers.spec.scope import MAX_NAME, MAX_STATES, VIBRATION_ENERGY, Scope, mapping
+from solvers.spec.modal_checks import check_modal
+from solvers.spec.scope import MAX_NAME, MAX_STATES, VIBRATION_ENERGY, Scope, has_elastic_coordinates, mapping
 from solvers.spec.support import check_support
 from solvers.spec.values import FREE, Interval, inside
 
@@ -39,7 +40,9 @@ def cross_check(scope: Scope) -> Flaws:
     _check_design(scope, flaws)
     _check_guess(scope, flaws)
     check_support(scope, flaws)
-    if scope.known and scope.coordinates:
+    if scope.known and scope.axes:
+        check_modal(scope, flaws)
+    elif scope.known and scope.coordinates:
         _check_mass(scope, flaws)
     return flaws
 
@@ -71,12 +74,17 @@ def _check_library(scope: Scope, flaws: Flaws) -> None:
 def _declared(scope: Scope) -> Iterator[tuple[str, str, Path]]:
     """Yield every name that the document gives to something, what it is, and where it stands."""
     model = scope.model
-    where = "coordinates" if model.get("kind") == "mechanical" else "states"
-    for key, what in ((where, where[:-1]), ("controls", "control")):
+    where = {"mechanical": ("coordinates", "coordinate"), "modal": ("axes", "axis")}
+    for key, what in (where.get(str(model.get("kind")), ("states", "state")), ("controls", "control")):
         names = model.get(key)
         for index, name in enumerate(names[:MAX_STATES] if isinstance(names, list) else ()):
             if isinstance(name, str):
                 yield name, what, ("problem", "model", key, index)
+    modes = model.get("modes")
+    for index, item in enumerate(modes[:MAX_STATES] if isinstance(modes, list) else ()):
+        name = mapping(item).get("name")
+        if isinstance(name, str):
+            yield name, "mode", ("problem", "model", "modes", index, "name")
     for key in ("parameters", "definitions"):
         for name in mapping(model.get(key)):
             yield name, key[:-1], ("problem", "model", key, name)
@@ -106,8 +114,8 @@ def _generated(scope: Scope) -> dict[str, str]:
     """Return every name that the product makes -> the name from which it makes it."""
     made = {f"{q}{end}": q for q in scope.coordinates for end in ("_dot", "_ddot")}
     made |= {f"{u}_dot": u for u in scope.controls}
-    if scope.model.get("flexible"):
-        made[VIBRATION_ENERGY] = "flexible"
+    if has_elastic_coordinates(scope):
+        made[VIBRATION_ENERGY] = "modes" if scope.axes else "flexible"
     made |= {f"{output}_f": output for output in scope.output_names}
     return made | {f"{x}{end}": x for x in scope.states + scope.controls for end in ("_0", "_f")}
 

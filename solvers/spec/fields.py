@@ -10,7 +10,7 @@ from copy import deepcopy
 from dataclasses import dataclass
 from typing import Annotated, Any
 
-from pydantic import GetCoreSchemaHandler, GetJsonSchemaHandler
+from pydantic import BeforeValidator, GetCoreSchemaHandler, GetJsonSchemaHandler
 from pydantic_core import CoreSchema, core_schema
 
 from solvers.expressions import MAX_CHARACTERS
@@ -203,6 +203,17 @@ class Window(Check):
     def schema(self) -> dict[str, Any]:
         """A pair of values."""
         return {"type": "array", "items": VALUE_SCHEMA, "minItems": 2, "maxItems": 2}
+
+
+def at_most(count: int, things: str) -> BeforeValidator:
+    """Refuse a longer list before its entries are read."""
+
+    def few(value: Any) -> Any:
+        if isinstance(value, list) and len(value) > count:
+            raise refuse(f"limit: at most {count:,} {things}, not {len(value):,}", type="limit")
+        return value
+
+    return BeforeValidator(few)
 
 
 class FreeObject(Check):

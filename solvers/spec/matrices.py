@@ -18,6 +18,7 @@ Row = tuple[Value, ...]
 Matrix = tuple[Row, ...] | Mapping[str, Any]
 """As submitted: rows, ``{"diag": [...]}``, or ``{"entries": [[i, j, value], ...], "symmetric": true}``."""
 
+_ONE = {"coordinates": "coordinate", "axes": "axis", "controls": "control"}
 _KEYS = ("diag", "entries", "symmetric")
 
 
@@ -46,9 +47,11 @@ def matrix_rows(matrix: Matrix, rows: int, columns: int) -> tuple[Row, ...]:
 
 @dataclass(frozen=True)
 class MatrixOf(Check):
-    """A matrix of model expressions; one row for each coordinate, columns as ``columns`` says."""
+    """A matrix of expressions at ``place``; a row for each of ``rows``, a column for each of ``columns``."""
 
     columns: str
+    rows: str = "coordinates"
+    place: str = "model"
 
     def check(self, value: Any, scope: Scope) -> Matrix:
         """Return the matrix as submitted."""
@@ -60,19 +63,19 @@ class MatrixOf(Check):
         rows = list_of(value)
         n, m = self._shape(scope)
         n = len(rows) if n is None else n
-        m = n if m is None and self.columns == "coordinates" else m
+        m = n if m is None and self.columns == self.rows else m
         if len(rows) != n:
-            flaws.add(f"misshapen: rows are one for each coordinate, {n} in all, not {len(rows)}")
+            flaws.add(f"misshapen: rows are one for each {_ONE[self.rows]}, {n} in all, not {len(rows)}")
         for i, row in enumerate(rows[:MAX_STATES]):
             if not isinstance(row, list):
                 flaws.add(f"a row must be a list, not {kind_of(row)}", i)
                 continue
             m = len(row) if m is None else m
             if len(row) != m:
-                wanted = f"one for each {self.columns[:-1]}, {m} in all"
+                wanted = f"one for each {_ONE[self.columns]}, {m} in all"
                 flaws.add(f"misshapen: entries of a row are {wanted}, not {len(row)}", i)
             for j, entry in enumerate(row[:MAX_STATES]):
-                check_expression(entry, "model", scope, flaws, i, j)
+                check_expression(entry, self.place, scope, flaws, i, j)
         flaws.raise_any()
         return tuple(map(tuple, rows))
 
@@ -80,8 +83,8 @@ class MatrixOf(Check):
         """The numbers of rows and columns, None where the names are not known."""
         if not scope.known:
             return None, None
-        n = len(scope.coordinates)
-        return n, len(scope.controls) if self.columns == "controls" else n
+        sizes = {"coordinates": scope.coordinates, "axes": scope.axes, "controls": scope.controls}
+        return len(sizes[self.rows]), len(sizes[self.columns])
 
     def _check_sparse(self, value: dict[str, Any], scope: Scope, flaws: Flaws) -> None:
         for key in value:
@@ -106,9 +109,9 @@ class MatrixOf(Check):
         if n != m:
             flaws.add(f"misshapen: a matrix of {n} rows and {m} columns has no diagonal form", "diag")
         elif n is not None and len(value) != n:
-            flaws.add(f"misshapen: one for each coordinate, {n} in all, not {len(value)}", "diag")
+            flaws.add(f"misshapen: one for each {_ONE[self.rows]}, {n} in all, not {len(value)}", "diag")
         for i, entry in enumerate(value[:MAX_STATES]):
-            check_expression(entry, "model", scope, flaws, "diag", i)
+            check_expression(entry, self.place, scope, flaws, "diag", i)
 
     def _check_entries(self, value: Any, symmetric: Any, scope: Scope, flaws: Flaws) -> None:
         if not isinstance(value, list):
@@ -130,7 +133,7 @@ class MatrixOf(Check):
             if here & seen:
                 flaws.add(f"the entry {entry[0]:g}, {entry[1]:g} stands twice", "entries", index)
             seen |= here
-            check_expression(entry[2], "model", scope, flaws, "entries", index, 2)
+            check_expression(entry[2], self.place, scope, flaws, "entries", index, 2)
         if len(value) > MAX_STATES**2:
             flaws.add(
                 f"limit: at most {MAX_STATES**2:,} entries, not {len(value):,}", "entries", type="limit"

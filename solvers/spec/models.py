@@ -12,6 +12,7 @@ from solvers.models import LIBRARY, Formula
 from solvers.spec.base import SpecModel
 from solvers.spec.faults import Path
 from solvers.spec.matrices import ForceVector, Matrix, MatrixOf, Row, matrix_rows, places
+from solvers.spec.modal import ModalEquations
 from solvers.spec.scope import MAX_CONTROLS, MAX_STATES, Scope, read_model
 from solvers.spec.tables import (
     DefinitionTable,
@@ -94,6 +95,29 @@ class MechanicalModel(_Equations):
             yield ("force", index), entry
 
 
+class ModalModel(_Equations, ModalEquations):
+    """Rigid axes and structural modes: J theta'' + delta eta'' = G u, with unit modal masses."""
+
+    kind: Literal["modal"]
+    """The kind of model."""
+
+    def expand(self) -> MechanicalModel:
+        """Return the mechanical model with coordinates (axes, modes)."""
+        modes = [mode.name for mode in self.modes]
+        document = {
+            "kind": "mechanical",
+            "coordinates": [*self.axes, *modes],
+            "controls": list(self.controls),
+            "parameters": self.parameters,
+            "definitions": self.definitions,
+            "flexible": modes,
+            **self.matrices(len(self.controls)),
+        }
+        scope = Scope({}, {}, document)
+        read_model(scope)
+        return MechanicalModel.model_validate(document, context=scope)
+
+
 class FirstOrderModel(_Equations):
     """x' = f(x, u, t), one expression for each state."""
 
@@ -122,11 +146,16 @@ class LibraryReference(SpecModel):
         return _EQUATIONS.validate_python(scope.model, context=scope)
 
 
-SubmittedModel = MechanicalModel | FirstOrderModel | LibraryReference
+SubmittedModel = MechanicalModel | ModalModel | FirstOrderModel | LibraryReference
 
 _EQUATIONS: TypeAdapter[MechanicalModel | FirstOrderModel] = TypeAdapter(
     Annotated[MechanicalModel | FirstOrderModel, Field(discriminator="kind")]
 )
+
+
+def written_out(submitted: SubmittedModel) -> MechanicalModel | FirstOrderModel:
+    """Return a model by its equations: those of a library or modal model written out."""
+    return submitted.expand() if isinstance(submitted, LibraryReference | ModalModel) else submitted
 
 
 def definitions_of(submitted: SubmittedModel, model: MechanicalModel | FirstOrderModel) -> dict[str, Formula]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from functools import cached_property
 from typing import Annotated, Any, Self
 
-from pydantic import BeforeValidator, Field, model_validator
+from pydantic import Field, model_validator
 
 from solvers.spec.base import SpecModel
 from solvers.spec.faults import refuse
@@ -17,9 +17,10 @@ from solvers.spec.fields import (
     Text,
     Unsupported,
     Window,
+    at_most,
 )
 from solvers.spec.histories import HistoryTable, ResultNodes, TimeList
-from solvers.spec.models import FirstOrderModel, LibraryReference, MechanicalModel, SubmittedModel
+from solvers.spec.models import FirstOrderModel, MechanicalModel, SubmittedModel, written_out
 from solvers.spec.tables import MAX_UNIT, BoundTable, UnitTable
 from solvers.spec.values import FREE, BoundValue, Interval, Value, bound_interval, evaluate_constant
 
@@ -30,22 +31,11 @@ Ends = Annotated[dict[str, BoundValue], BoundTable("state", star=True)]
 History = list[Value] | dict[str, list[Value]]
 
 
-def _at_most(count: int, things: str) -> BeforeValidator:
-    """Refuse a longer list before its entries are read."""
-
-    def few(value: Any) -> Any:
-        if isinstance(value, list) and len(value) > count:
-            raise refuse(f"limit: at most {count:,} {things}, not {len(value):,}", type="limit")
-        return value
-
-    return BeforeValidator(few)
-
-
 def _whole_span() -> list[Value]:
     return [0, 1]
 
 
-AtMost = _at_most(1000, "constraints")
+AtMost = at_most(1000, "constraints")
 
 
 class PathConstraint(SpecModel):
@@ -191,11 +181,11 @@ class ProblemSpec(SpecModel):
     """Control -> bound at t0."""
     final_control: Annotated[dict[str, BoundValue], BoundTable("control")] = Field(default_factory=dict)
     """Control -> bound at tf."""
-    integrals: Annotated[list[Integral], _at_most(200, "integrals")] = Field(default_factory=list)
+    integrals: Annotated[list[Integral], at_most(200, "integrals")] = Field(default_factory=list)
     """Integrals over time, with bounds."""
     design: dict[str, DesignSpec] = Field(default_factory=dict)
     """Parameter of the model -> its bounds; it is optimised too."""
-    outputs: Annotated[list[NamedOutput], _at_most(200, "outputs")] = Field(default_factory=list)
+    outputs: Annotated[list[NamedOutput], at_most(200, "outputs")] = Field(default_factory=list)
     """Expressions that are sampled and drawn with states and controls."""
     data: Annotated[None, Unsupported("data tables are")] = None
     """Tables over time; not in this version."""
@@ -208,9 +198,8 @@ class ProblemSpec(SpecModel):
 
     @cached_property
     def model(self) -> MechanicalModel | FirstOrderModel:
-        """The equations of motion, with a library model written out."""
-        model = self.submitted_model
-        return model.expand() if isinstance(model, LibraryReference) else model
+        """The equations of motion, those of a library or modal model written out."""
+        return written_out(self.submitted_model)
 
 
 def initial_intervals(problem: ProblemSpec) -> dict[str, Interval]:

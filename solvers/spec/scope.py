@@ -41,6 +41,7 @@ class Scope:
     model: dict[str, Any]
     known: bool = False
     coordinates: tuple[str, ...] = ()
+    axes: tuple[str, ...] = ()
     states: tuple[str, ...] = ()
     controls: tuple[str, ...] = ()
     rated: tuple[str, ...] = ()
@@ -70,6 +71,8 @@ class Scope:
         """Return the names that an expression at ``place`` (constant, model, path or boundary) may use."""
         if place == "constant":
             return self.parameter_names - self.designed if self.designed else self.parameter_names
+        if place == "parameter":
+            return self.parameter_names
         if place == "path":
             return self.path_names
         return self.boundary_names if place == "boundary" else self.model_names
@@ -115,8 +118,12 @@ def read_model(scope: Scope) -> None:
     _read_parameters(scope, table)
     scope.designed = _designed(table, mapping(scope.problem.get("design")))
     kind = model.get("kind")
-    if kind == "mechanical":
-        coordinates = _name_list(model.get("coordinates"))
+    if kind in ("mechanical", "modal"):
+        if kind == "modal":
+            scope.axes = _name_list(model.get("axes")) or ()
+            coordinates = _modal_coordinates(scope.axes, model.get("modes"))
+        else:
+            coordinates = _name_list(model.get("coordinates"))
         states = None if coordinates is None else coordinates + tuple(f"{q}_dot" for q in coordinates)
         scope.coordinates = coordinates or ()
     else:
@@ -135,7 +142,7 @@ def _read_names(scope: Scope) -> None:
     ends = {f"{name}{end}" for name in scope.states + scope.controls for end in ("_0", "_f")}
     scope.integral_names = frozenset(_named(scope.problem.get("integrals")))
     outputs = _named(scope.problem.get("outputs"))
-    outputs += [VIBRATION_ENERGY] if scope.model.get("flexible") else []
+    outputs += [VIBRATION_ENERGY] if has_elastic_coordinates(scope) else []
     ends |= {f"{name}_f" for name in outputs}
     scope.output_names = frozenset(outputs)
     scope.rate_names = accelerations.union(f"{u}_dot" for u in scope.controls)
@@ -144,6 +151,17 @@ def _read_names(scope: Scope) -> None:
     scope.rated = tuple(name for name in scope.controls if name in rated)
     scope.path_names = scope.model_names.union(accelerations, (f"{u}_dot" for u in scope.rated))
     scope.boundary_names = scope.parameter_names.union(ends, ("t0", "tf"), scope.integral_names)
+
+
+def has_elastic_coordinates(scope: Scope) -> bool:
+    """Tell whether the model has coordinates that swing, so that it has a vibration energy."""
+    return bool(scope.model.get("modes" if scope.model.get("kind") == "modal" else "flexible"))
+
+
+def _modal_coordinates(axes: tuple[str, ...], modes: object) -> tuple[str, ...] | None:
+    """Return axes and modes by name, or None where they cannot be read."""
+    names = _named(modes)
+    return (*axes, *names) if axes and isinstance(modes, list) and len(names) == len(modes) else None
 
 
 def _designed(table: Mapping[str, Any], design: Collection[str]) -> frozenset[str]:

@@ -94,6 +94,24 @@ class ParameterTable(Check):
         return {"type": "object", "additionalProperties": VALUE_SCHEMA}
 
 
+class AxisValues(Check):
+    """A list of values that may use parameters, one for each axis."""
+
+    def check(self, value: Any, scope: Scope) -> list[Any]:
+        """Return the values as submitted."""
+        values, flaws = list_of(value), Flaws()
+        if scope.known and len(values) != len(scope.axes):
+            flaws.add(f"misshapen: one for each axis, {len(scope.axes)} in all, not {len(values)}")
+        for index, item in enumerate(values[: len(scope.axes)]):
+            check_expression(item, "parameter", scope, flaws, index)
+        flaws.raise_any()
+        return values
+
+    def schema(self) -> dict[str, Any]:
+        """A list of expressions."""
+        return {"type": "array", "items": VALUE_SCHEMA}
+
+
 class DefinitionTable(Check):
     """Name -> model expression; each may use earlier ones."""
 

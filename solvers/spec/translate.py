@@ -14,7 +14,8 @@ from solvers.spec.base import SpecModel
 from solvers.spec.faults import Path, kind_of, pointer
 from solvers.spec.job import JobSpec, Options, Output, Verification
 from solvers.spec.methods import METHODS, SplineAdaptivity
-from solvers.spec.models import FirstOrderModel, LibraryReference, MechanicalModel
+from solvers.spec.modal import Mode
+from solvers.spec.models import FirstOrderModel, LibraryReference, MechanicalModel, ModalModel
 from solvers.spec.problem import (
     BoundaryConstraint,
     DesignSpec,
@@ -29,6 +30,7 @@ from solvers.spec.scope import Scope
 
 _KINDS: dict[str, type[SpecModel]] = {
     "mechanical": MechanicalModel,
+    "modal": ModalModel,
     "first_order": FirstOrderModel,
     "library": LibraryReference,
 }
@@ -43,13 +45,14 @@ _OBJECTS: dict[str, type[SpecModel]] = {
     "outputs": NamedOutput,
     "integrals": Integral,
     "design": DesignSpec,
+    "modes": Mode,
     "guess": Guess,
     "options": Options,
     "verification": Verification,
     "output": Output,
     "adaptive": SplineAdaptivity,
 }
-_LATER = {"ga", "piecewise", "modal"}
+_LATER = {"ga", "piecewise"}
 
 
 def translate(error: ValidationError, scope: Scope) -> Iterator[Fault]:

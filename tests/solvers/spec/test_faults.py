@@ -75,7 +75,7 @@ STRUCTURE: list[Row] = [
     ({"/priority": ["high"]}, "/priority", "'high'"),
     ({"/deadline_seconds": 0}, "/deadline_seconds", "greater than 0"),
     ({"/deadline_seconds": "soon"}, "/deadline_seconds", "soon"),
-    ({f"{MODEL}/kind": "quantum"}, f"{MODEL}/kind", "mechanical, first_order, library"),
+    ({f"{MODEL}/kind": "quantum"}, f"{MODEL}/kind", "mechanical, modal, first_order, library"),
     ({f"{MODEL}/kind": "mechanic"}, f"{MODEL}/kind", "did you mean 'mechanical'"),
     ({f"{MODEL}/kind": REMOVED}, f"{MODEL}/kind", "required"),
     ({f"{MODEL}/kind": ["mechanical"]}, f"{MODEL}/kind", "not a list"),
@@ -337,7 +337,6 @@ def test_too_many_states_and_controls() -> None:
 UNSUPPORTED: list[tuple[dict[str, Any], str]] = [
     ({"/method": {"name": "ga", "population": 48}}, "/method/name"),
     ({"/method": {"name": "piecewise"}}, "/method/name"),
-    ({f"{MODEL}/kind": "modal"}, f"{MODEL}/kind"),
     (
         {"/problem/initial_control": {"T": 0}, "/method/refine": "switching"},
         "/problem/initial_control/T",

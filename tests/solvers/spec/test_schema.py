@@ -47,6 +47,7 @@ def test_schema_is_json_and_lists_the_keys() -> None:
     assert set(problem["required"]) == {"model", "final_time", "initial_state", "objective"}
     assert set(problem["properties"]["model"]["discriminator"]["mapping"]) == {
         "mechanical",
+        "modal",
         "first_order",
         "library",
     }
