@@ -29,7 +29,10 @@ def create_app(settings: Settings | None = None) -> FastAPI:
 
     @contextlib.asynccontextmanager
     async def lifespan(app: FastAPI) -> AsyncIterator[None]:
-        async with service.watch.running(), upkeep(service.reconciler, settings.reconcile_seconds):
+        async with (
+            service.watch.running(),
+            upkeep(service.reconciler, service.webhooks, settings.reconcile_seconds),
+        ):
             yield
         service.close()
 

@@ -12,9 +12,11 @@ from typing import Annotated, cast
 from fastapi import Depends, Request
 
 from app.auth import OWNER, Doorkeeper, Principal, read_bootstrap_key
+from app.egress import networks_of
 from app.errors import ServiceError
 from app.settings import Settings
 from app.watch import StatusWatch
+from app.webhooks import Webhooks, read_secrets
 from solvers.errors import DocumentError, Fault
 from solvers.sizes import ProblemSize, problem_size
 from solvers.spec import JobSpec, answer_digest, check_document, parse_document
@@ -41,6 +43,7 @@ class Service:
     queue: JobQueue
     claims: Claims
     doorkeeper: Doorkeeper
+    webhooks: Webhooks
     watch: StatusWatch
     reconciler: Reconciler
 
@@ -53,6 +56,7 @@ class Service:
         queue = JobQueue(make_celery(settings), redis, settings)
         sweeps = SweepStore(store, settings)
         keys, rates = KeyStore(redis, settings), RateLimiter(redis, settings)
+        secrets = settings.webhook_secret_file
         file = settings.bootstrap_key_file
         bootstrap = None if file is None else digest(read_bootstrap_key(file))
         return cls(
@@ -62,6 +66,12 @@ class Service:
             queue,
             Claims(redis, settings),
             Doorkeeper(settings, keys, rates, store, sweeps, bootstrap),
+            Webhooks(
+                store,
+                store.hooks,
+                () if secrets is None else read_secrets(secrets),
+                networks_of(settings.webhook_networks),
+            ),
             StatusWatch(store, settings),
             Reconciler(store, queue, settings.visibility_seconds, settle=settings.reconcile_seconds / 2),
         )
@@ -79,6 +89,7 @@ class Service:
         """
         spec, size = check(body)
         self.find_start(spec, principal)
+        self.check_webhook(spec)
         record = new_record(spec, size, principal)
         job_id = self.once(
             key,
@@ -127,6 +138,14 @@ class Service:
         if (waiting := self.store.waiting()) + count > self.settings.queued_jobs:
             detail = f"{waiting:,} jobs wait; the queue takes {self.settings.queued_jobs:,}."
             raise ServiceError("queue-full", detail, headers={"Retry-After": "30"})
+
+    def check_webhook(self, spec: JobSpec) -> None:
+        """Refuse a document that wants somebody to be told whom this service does not tell anything."""
+        reason = None if spec.webhook is None else self.webhooks.refusal(spec.webhook.url)
+        if reason is not None:
+            enabled = self.webhooks.enabled
+            fault = Fault("/webhook/url", reason) if enabled else Fault("/webhook", reason, "unsupported")
+            raise DocumentError([fault])
 
     def find_start(self, spec: JobSpec, principal: Principal) -> None:
         """Refuse a document that wants to start from a job that is unknown or has no result yet."""
@@ -222,6 +241,7 @@ def new_record(
         sweep=sweep,
         project=principal.project,
         submitted_by=principal.key,
+        webhook=None if spec.webhook is None else spec.webhook.url,
     )
 
 

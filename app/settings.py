@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ipaddress
 from pathlib import Path
 from typing import Annotated
 
@@ -48,9 +49,26 @@ class Settings(QueueSettings):
         default=100_000, ge=1, description="Jobs that may wait at a time; then submissions are refused."
     )
 
-    @field_validator("allowed_hosts", mode="before")
+    webhook_secret_file: Path | None = Field(
+        default=None,
+        description="File with the secrets that webhooks are signed with; without it there are none.",
+    )
+    webhook_networks: Annotated[tuple[str, ...], NoDecode] = Field(
+        default=(),
+        description="Networks, separated by commas, that are not public and to which webhooks may go all the "
+        "same; to an IP address in them also by plain http.",
+    )
+
+    @field_validator("allowed_hosts", "webhook_networks", mode="before")
     @classmethod
     def _split(cls, value: object) -> object:
         if isinstance(value, str):
             return tuple(name.strip().lower() for name in value.split(",") if name.strip())
+        return value
+
+    @field_validator("webhook_networks")
+    @classmethod
+    def _are_networks(cls, value: tuple[str, ...]) -> tuple[str, ...]:
+        for text in value:
+            ipaddress.ip_network(text)
         return value

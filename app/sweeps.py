@@ -78,6 +78,8 @@ def submit_sweep(service: Service, body: bytes, key: str | None, principal: Prin
     plan = check_sweep(parse_document(body))
     for spec in {point.spec.warm_start: point.spec for point in plan.points}.values():
         service.find_start(spec, principal)
+    for spec in {point.spec.webhook and point.spec.webhook.url: point.spec for point in plan.points}.values():
+        service.check_webhook(spec)
     sweep_id = new_job_id()
     return service.once(
         key, body, sweep_id, lambda bound: _queue(service, bound, plan, principal), service.sweeps.exists

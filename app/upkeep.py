@@ -10,6 +10,7 @@ from collections.abc import AsyncIterator, Callable
 from fastapi.concurrency import run_in_threadpool
 from redis.exceptions import RedisError
 
+from app.webhooks import LOOK, Webhooks
 from worker.errors import QueueUnavailable
 from worker.reconciler import Reconciler
 
@@ -20,13 +21,14 @@ DEADLINES = 0.5
 
 
 @contextlib.asynccontextmanager
-async def upkeep(reconciler: Reconciler, period: float) -> AsyncIterator[None]:
-    """Let ``reconciler`` take its turn every ``period`` seconds, and mind deadlines, in this context."""
+async def upkeep(reconciler: Reconciler, webhooks: Webhooks, period: float) -> AsyncIterator[None]:
+    """Let ``reconciler`` take its turn every ``period`` seconds, mind deadlines, send messages, meanwhile."""
     # A little less than the period, in which one of all processes takes a turn.
     reconciling = _regularly(lambda: reconciler.take_turn(period), 0.9 * period)
     tasks = [
         asyncio.create_task(reconciling, name="reconciler"),
         asyncio.create_task(_regularly(reconciler.give_up_overdue, DEADLINES), name="deadlines"),
+        asyncio.create_task(_regularly(webhooks.send_due, LOOK), name="webhooks"),
     ]
     try:
         yield

@@ -326,10 +326,24 @@ def _unsupported() -> Iterator[BadDocument]:
         ("genetic algorithm", "/method", {"name": "ga"}),
         ("piecewise", "/method", {"name": "piecewise"}),
         ("scenarios", "/problem/scenarios", {"cases": [{"name": "soft", "parameters": {"k": 90}}]}),
-        ("webhook", "/webhook", {"url": "http://127.0.0.1/"}),
     ):
         where = f"{pointer}/name" if pointer == "/method" else pointer
         yield BadDocument(f"unsupported: {name}", _json(changed(pointer, value)), where, "unsupported")
+
+
+def _webhooks() -> Iterator[BadDocument]:
+    for name, url in {
+        "another scheme": "ftp://example.org/",
+        "no scheme": "example.org",
+        "no host": "https:///told",
+        "a user": "https://me:secret@example.org/",
+        "a port": "https://example.org:99999/",
+        "a line": "https://example.org/\r\nHost: other",
+        "a number": 3,
+    }.items():
+        yield BadDocument(f"webhook: {name}", _json(changed("/webhook", {"url": url})), "/webhook/url")
+    yield BadDocument("webhook: no address", _json(changed("/webhook", {})), "/webhook/url")
+    yield BadDocument("webhook: a text", _json(changed("/webhook", "https://example.org/")), "/webhook")
 
 
 def _broken() -> Iterator[BadDocument]:
@@ -375,5 +389,6 @@ BAD_DOCUMENTS: tuple[BadDocument, ...] = (
     *_keys(),
     *_limits(),
     *_unsupported(),
+    *_webhooks(),
     *_broken(),
 )

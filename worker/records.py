@@ -136,6 +136,7 @@ class JobRecord:
     sweep: SweepPlace | None = None
     project: str = DEFAULT_PROJECT
     submitted_by: str | None = None
+    webhook: str | None = None
     started_at: float | None = None
     finished_at: float | None = None
     progress: Mapping[str, Any] | None = None
@@ -167,6 +168,8 @@ class JobRecord:
             fields["name"] = self.name
         if self.deadline_at is not None:
             fields["deadline_at"] = repr(self.deadline_at)
+        if self.webhook is not None:
+            fields["webhook"] = self.webhook
         if self.submitted_by is not None:
             fields["submitted_by"] = self.submitted_by
         if self.sweep is not None:
@@ -189,6 +192,7 @@ class JobRecord:
             deadline_at=float(fields["deadline_at"]) if "deadline_at" in fields else None,
             project=fields["project"],
             submitted_by=fields.get("submitted_by"),
+            webhook=fields.get("webhook"),
             sweep=SweepPlace.from_json(fields["sweep"]) if "sweep" in fields else None,
             started_at=float(fields["started_at"]) if "started_at" in fields else None,
             finished_at=float(fields["finished_at"]) if "finished_at" in fields else None,

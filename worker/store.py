@@ -27,6 +27,7 @@ from worker import scripts
 from worker.address import redis_url
 from worker.counts import Counts
 from worker.errors import JobActive, JobGone, JobNotFound
+from worker.hooks import HookList
 from worker.records import (
     FIRST,
     FailureType,
@@ -106,6 +107,7 @@ class JobStore:
         self.redis = redis
         self.channel = f"{settings.prefix}status"
         """Channel on which every event of a job is published as ``<id> <event>``."""
+        self.hooks = HookList(redis, settings)
         self._prefix = settings.prefix
         self._index = f"{settings.prefix}index"
         self._queued = {priority: f"{settings.prefix}queued:{priority}" for priority in Priority}
@@ -148,6 +150,8 @@ class JobStore:
         pipe.sadd(self._active_of(record.project), record.id)
         pipe.sadd(self._projects, record.project)
         pipe.zadd(self._queued[record.priority], {record.id: record.created_at})
+        if record.webhook is not None:
+            self.hooks.add_to(pipe, record.id)
         if record.deadline_at is not None:
             pipe.zadd(self._deadlines, {record.id: record.deadline_at})
         pipe.xadd(self._stream(record.id), _first_event(record))

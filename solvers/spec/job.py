@@ -14,6 +14,7 @@ from solvers.spec.problem import ProblemSpec
 from solvers.spec.resolution import Resolution, resolve
 from solvers.spec.scope import Scope
 from solvers.spec.tables import list_of
+from solvers.spec.webhook import Webhook
 
 MAX_TAGS = 20
 MAX_TAG = 64
@@ -143,8 +144,8 @@ class JobSpec(SpecModel):
     """Whether the certified result of an earlier job with the same problem, method and options will do."""
     deadline_seconds: Annotated[float, Real(above=0, limit=_MONTH, unit=" s")] | None = None
     """Seconds from submission, after which nobody waits for the answer: the job ends as time_limit."""
-    webhook: Annotated[None, Unsupported("webhooks are")] = None
-    """Whom to tell; not in this version."""
+    webhook: Webhook | None = None
+    """Whom to tell when the job has ended."""
 
     def verification_tolerances(self) -> dict[str, float]:
         """Return every tolerance of the verification, the method's own where the document gives none."""

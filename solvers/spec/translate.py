@@ -27,6 +27,7 @@ from solvers.spec.problem import (
     ProblemSpec,
 )
 from solvers.spec.scope import Scope
+from solvers.spec.webhook import Webhook
 
 _KINDS: dict[str, type[SpecModel]] = {
     "mechanical": MechanicalModel,
@@ -50,6 +51,7 @@ _OBJECTS: dict[str, type[SpecModel]] = {
     "options": Options,
     "verification": Verification,
     "output": Output,
+    "webhook": Webhook,
     "adaptive": SplineAdaptivity,
 }
 _LATER = {"ga", "piecewise"}

@@ -356,7 +356,6 @@ UNSUPPORTED: list[tuple[dict[str, Any], str]] = [
     ),
     ({"/output/command": {"period": 0.1}}, "/output/command"),
     ({"/output/coast": 10}, "/output/coast"),
-    ({"/webhook": {"url": "https://example.org/"}}, "/webhook"),
 ]
 
 

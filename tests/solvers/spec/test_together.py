@@ -49,7 +49,7 @@ def test_mistakes_of_every_kind_are_reported_together() -> None:
             ("/schema", "invalid"),
             ("/nmae", "invalid"),
             ("/tags/0", "limit"),
-            ("/webhook", "unsupported"),
+            ("/webhook/url", "invalid"),
             (f"{MODEL}/parameters/m", "invalid"),
             (f"{MODEL}/parameters/theta_dot", "invalid"),
             (f"{MODEL}/mass/0/0", "invalid"),
