@@ -7,6 +7,8 @@ from collections.abc import Mapping
 from importlib.resources import files
 from typing import Any
 
+from pydantic import BaseModel
+
 from solvers.models import LIBRARY, LibraryModel, Quantity
 from solvers.spec import METHODS
 
@@ -40,15 +42,22 @@ def methods() -> list[dict[str, Any]]:
         {
             "name": name,
             "title": method.title,
-            "defaults": {
-                key: field.default
-                for key, field in method.model_fields.items()
-                if not field.is_required() and field.default is not None
-            },
+            "defaults": _defaults(method),
             "schema": method.model_json_schema(),
         }
         for name, method in METHODS.items()
     ]
+
+
+def _defaults(method: type[BaseModel]) -> dict[str, Any]:
+    """Every default that is something."""
+    found = {
+        key: field.get_default(call_default_factory=True)
+        for key, field in method.model_fields.items()
+        if not field.is_required()
+    }
+    plain = {key: item.model_dump() if isinstance(item, BaseModel) else item for key, item in found.items()}
+    return {key: item for key, item in plain.items() if item not in (None, {})}
 
 
 def _model(entry: LibraryModel) -> dict[str, Any]:

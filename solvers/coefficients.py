@@ -38,6 +38,7 @@ SPLINE_WAVELET = "cubic_spline_wavelet"
 LAGRANGE = "gauss_lagrange"
 HERMITE = "cubic_hermite"
 DAUBECHIES = "daubechies"
+FLIGHT = "cubic_hermite_flight"
 
 
 @dataclass(frozen=True)
@@ -253,6 +254,31 @@ def _decode_daubechies(
     )
 
 
+def _encode_flight(basis: Mapping[str, Any], states: Curves, controls: Curves) -> dict[str, Any]:
+    """States as those of Hermite's cubics; of controls, which may jump, both ends of each piece in turn."""
+    return {
+        "basis": {**basis, "order": ["values", "slopes"]},
+        "states": _cubics(states),
+        "controls": _segment_values(controls),
+    }
+
+
+def _decode_flight(
+    coefficients: Mapping[str, Any], node_controls: Mapping[str, Any], duration: float
+) -> Decoded:
+    knots = np.array(coefficients["basis"]["knots"], np.float64)
+    controls: dict[str, Curve] = {
+        name: linear_pieces(knots, np.reshape(values, (-1, 2)))
+        for name, values in coefficients["controls"].items()
+    }
+    return Decoded(_hermite_curves(knots, coefficients["states"]), controls, "linear", knots, knots)
+
+
+def linear_pieces(knots: Vector, ends: Vector) -> LagrangeCurve:
+    """A straight line between each two knots; ``ends`` (pieces, 2) are its values there."""
+    return LagrangeCurve(knots, (np.array([-1.0, 1.0]),) * (knots.size - 1), tuple(ends))
+
+
 def _cubics(states: Curves) -> Lists:
     return {
         name: [*curve.values.tolist(), *curve.slopes.tolist()]
@@ -285,4 +311,5 @@ _CODECS: dict[str, tuple[_Encoder, _Decoder]] = {
     LAGRANGE: (_encode_lagrange, _decode_lagrange),
     HERMITE: (_encode_hermite, _decode_hermite),
     DAUBECHIES: (_encode_daubechies, _decode_daubechies),
+    FLIGHT: (_encode_flight, _decode_flight),
 }

@@ -9,6 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from solvers.bases.legendre import legendre_gauss
+from solvers.piecewise.driven import driven_states
+from solvers.piecewise.plan import Plan
 from solvers.problem import OptimalControlProblem
 from solvers.quantities import Interval
 from solvers.spec import (
@@ -16,6 +18,7 @@ from solvers.spec import (
     GaussPseudospectralMethod,
     HermiteSimpsonMethod,
     JobSpec,
+    PiecewiseMethod,
     SplineWaveletMethod,
 )
 
@@ -32,6 +35,8 @@ class ProblemSize:
     seconds: float
 
 
+# What two processes take to be ready for the first prediction.
+_START_SECONDS = 1.0
 # How much longer than the first mesh all meshes of the cases took.
 _ADAPTIVE_MESHES = 5
 
@@ -71,10 +76,27 @@ def _mesh_size(spec: JobSpec) -> ProblemSize:
             return _timed(_size(problem, (n + m) * nodes, rows, lambda: points, nodes), 0.0)
         case SplineWaveletMethod(L=length, first_level=level):
             return _spline_size(problem, length << level)
+        case PiecewiseMethod():
+            return _mission_size(problem, spec.method)
         case AutoMethod():
             default = SplineWaveletMethod(name="swcm")
             return _spline_size(problem, default.L << default.J)
     raise TypeError(f"no size for the method {spec.method!r}")
+
+
+def _mission_size(problem: OptimalControlProblem, method: PiecewiseMethod) -> ProblemSize:
+    """The program of the first prediction, and the seconds of all that may be needed."""
+    plan = Plan.of(method, problem)
+    driven = range(len(problem.states)) if plan.state is not None else driven_states(problem)
+    bounded = sum(bool(np.isfinite(problem.state_bounds[index]).any()) for index in driven)
+    ahead = plan.intervals_ahead(0)
+    nodes = 2 * (plan.nodes + ahead) + 1
+    places = nodes + (ahead > 0)
+    variables = (len(driven) + len(problem.controls)) * nodes + bounded * plan.nodes + 2
+    rows = len(driven) * (nodes - 1) + 2 * bounded * plan.nodes
+    rows += len(problem.path) * places + len(problem.boundary)
+    prediction = _timed(ProblemSize(variables, rows, nodes, 0.0), 0.0)
+    return replace(prediction, seconds=_START_SECONDS + plan.count * prediction.seconds)
 
 
 def _gauss_points(nodes: int, segments: int) -> Vector:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import platform
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cache
 from importlib.metadata import version
 from typing import Any
@@ -57,6 +57,8 @@ class Solution:
     starts: Sequence[Mapping[str, Any]]
     warnings: Sequence[Mapping[str, Any]]
     statistics: Statistics
+    extras: Mapping[str, Any] = field(default_factory=dict)
+    """What a method adds to the result, by key."""
 
     @property
     def success(self) -> bool:
@@ -114,6 +116,7 @@ class Solution:
             "warnings": list(self.warnings),
             "model_report": self.model_report,
             "phases": [phase],
+            **self.extras,
         }
         return {key: _finite(value) for key, value in plain.items()}
 

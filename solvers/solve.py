@@ -15,6 +15,7 @@ from solvers.improve import first_method, improve, wants_more
 from solvers.meshes import meshes_of
 from solvers.model_report import model_report
 from solvers.optimizers.ipopt import Limits
+from solvers.piecewise.solve import solve_piecewise
 from solvers.problem import OptimalControlProblem
 from solvers.progress import Progress, ProgressReport, SilentProgress
 from solvers.refine.residual import mesh_error_estimate
@@ -22,7 +23,7 @@ from solvers.report import constraint_margins
 from solvers.scaling import automatic_scaling
 from solvers.session import Session, Solved
 from solvers.solution import Solution, Statistics
-from solvers.spec import JobSpec
+from solvers.spec import JobSpec, PiecewiseMethod
 from solvers.status import SolveStatus
 from solvers.trajectory import Trajectory
 from solvers.verify import Tolerances, Verification, verify
@@ -50,6 +51,8 @@ def solve(
     if spec.warm_start is not None and earlier is None:
         detail = "there is no earlier job to start from here; guess.from_result takes the nodes of a result"
         raise DocumentError([Fault("/warm_start", detail)])
+    if isinstance(spec.method, PiecewiseMethod):
+        return solve_piecewise(spec, progress or SilentProgress(), min(spec.options.max_seconds, seconds))
     started = time.perf_counter()
     session = _session(spec, progress or SilentProgress(), min(spec.options.max_seconds, seconds))
     session.seconds["build"] = time.perf_counter() - started

@@ -154,20 +154,20 @@ def verify(
         _scaled_maximum(errors, scale) for errors in (evidence.misses, evidence.arc_errors)
     )
     bounds = max(
-        _scaled_violation(states, np.array(problem.state_bounds), scale),
-        _scaled_violation(controls, model.bounds, _scale(controls)),
+        scaled_violation(states, np.array(problem.state_bounds), scale),
+        scaled_violation(controls, model.bounds, _scale(controls)),
     )
     scope = problem.scope(
         states, model.clipped(tau), trajectory.time(tau), problem.parameters_of(trajectory), NUMPY
     )
-    path = _largest_violation(problem.path, scope, tau)
+    path = largest_violation(problem.path, scope, tau)
     ends_scope = _ends_scope(problem, trajectory, model, evidence)
     start = trajectory.states_at(np.zeros(1))
     ends = max(
-        _scaled_violation(start, np.array(problem.initial_state), scale),
-        _scaled_violation(controls[:, [0]], np.array(problem.initial_control), _scale(controls)),
-        _scaled_violation(controls[:, [-1]], np.array(problem.final_control), _scale(controls)),
-        _largest_violation(problem.boundary, ends_scope),
+        scaled_violation(start, np.array(problem.initial_state), scale),
+        scaled_violation(controls[:, [0]], np.array(problem.initial_control), _scale(controls)),
+        scaled_violation(controls[:, [-1]], np.array(problem.final_control), _scale(controls)),
+        largest_violation(problem.boundary, ends_scope),
         _integral_violation(problem, evidence),
     )
     checks = [
@@ -250,7 +250,8 @@ def _outside(values: Vector, bounds: Vector) -> Vector:
     return np.where(np.isnan(values), np.inf, np.maximum(outside, 0.0))
 
 
-def _scaled_violation(values: Vector, bounds: Vector, scale: Vector) -> float:
+def scaled_violation(values: Vector, bounds: Vector, scale: Vector) -> float:
+    """The largest violation of ``bounds`` (n, 2) by ``values`` (n, K), each row relative to its scale."""
     return float(np.max(_outside(values, bounds.reshape(-1, 2)) / scale[:, None], initial=0.0))
 
 
@@ -259,10 +260,10 @@ def _integral_violation(problem: OptimalControlProblem, evidence: _Evidence) -> 
     if evidence.integrals is None or not problem.integrals:
         return 0.0
     values = evidence.integrals[1:, None]
-    return _scaled_violation(values, np.array([item.interval for item in problem.integrals]), _scale(values))
+    return scaled_violation(values, np.array([item.interval for item in problem.integrals]), _scale(values))
 
 
-def _largest_violation(
+def largest_violation(
     constraints: Sequence[Constraint], scope: Mapping[str, Any], tau: Vector | None = None
 ) -> float:
     """The largest violation of expressions, each relative to its own scale, where it is to hold."""
@@ -274,7 +275,7 @@ def _largest_violation(
             value = np.broadcast_to(value, tau.shape)[constraint.holds_at(tau)]
         values = np.atleast_2d(np.asarray(value, np.float64))
         scale = np.maximum(SMALLEST_SCALE, np.max(np.abs(values), where=np.isfinite(values), initial=0.0))
-        violation = _scaled_violation(values, np.array([constraint.interval]), np.array([scale]))
+        violation = scaled_violation(values, np.array([constraint.interval]), np.array([scale]))
         largest = max(largest, violation)
     return largest
 

@@ -324,7 +324,6 @@ def _limits() -> Iterator[BadDocument]:
 def _unsupported() -> Iterator[BadDocument]:
     for name, pointer, value in (
         ("genetic algorithm", "/method", {"name": "ga"}),
-        ("piecewise", "/method", {"name": "piecewise"}),
         ("scenarios", "/problem/scenarios", {"cases": [{"name": "soft", "parameters": {"k": 90}}]}),
     ):
         where = f"{pointer}/name" if pointer == "/method" else pointer
@@ -344,6 +343,49 @@ def _webhooks() -> Iterator[BadDocument]:
         yield BadDocument(f"webhook: {name}", _json(changed("/webhook", {"url": url})), "/webhook/url")
     yield BadDocument("webhook: no address", _json(changed("/webhook", {})), "/webhook/url")
     yield BadDocument("webhook: a text", _json(changed("/webhook", "https://example.org/")), "/webhook")
+
+
+def _piecewise() -> Iterator[BadDocument]:
+    good: dict[str, Any] = {"name": "piecewise", "segments": {"by": "time", "length": 5}}
+    other = {"kind": "first_order", "states": ["x"], "controls": ["T"], "dynamics": {"x": "T"}}
+    for name, change, place in (
+        ("no segments", {"segments": None}, "/segments"),
+        ("a length of nothing", {"segments": {"by": "time", "length": 0}}, "/segments/length"),
+        ("both length and count", {"segments": {"by": "time", "length": 5, "count": 2}}, "/segments/count"),
+        ("by a control", {"segments": {"by": "T", "count": 2}}, "/segments/by"),
+        ("by a state that goes nowhere", {"segments": {"by": "alpha", "count": 2}}, "/segments/by"),
+        ("half a node", {"nodes": 2.5}, "/nodes"),
+        ("another scheme", {"scheme": "greedy"}, "/scheme"),
+        ("to the end of an unknown time", {"lookahead": "end"}, "/lookahead"),
+        ("a stop of controls", {"stop": {"expression": "T_f", "bounds": 0}}, "/stop/expression"),
+        ("a weight of a control among states", {"tracking": {"Q": {"T": 1}}}, "/tracking/Q/T"),
+        ("crossed limits", {"tracking": {"limits": {"T": [1, -1]}}}, "/tracking/limits/T"),
+        ("a negative margin", {"margins": {"theta": -1}}, "/margins/theta"),
+        ("a plant that is a list", {"plant": []}, "/plant"),
+        ("a plant without a model", {"plant": {"observe": {}}}, "/plant/model"),
+        ("an unknown plant", {"plant": {"model": {"kind": "library", "name": "moon"}}}, "/plant/model/name"),
+        ("an unseen state", {"plant": {"model": other, "start": {"x": "theta"}}}, "/plant/observe"),
+        (
+            "a plant of other controls",
+            {"plant": {"model": other | {"controls": ["u"]}}},
+            "/plant/model/controls",
+        ),
+        (
+            "code as a view",
+            {"plant": {"model": other, "observe": {"theta": "x.real"}}},
+            "/plant/observe/theta",
+        ),
+    ):
+        method = {key: value for key, value in {**good, **change}.items() if value is not None}
+        yield BadDocument(f"piecewise: {name}", _json(changed("/method", method)), f"/method{place}")
+    for name, change, place in (
+        ("too many segments", {"segments": {"by": "theta", "count": 1e6}}, "/segments/count"),
+        ("too short segments", {"segments": {"by": "time", "length": 1e-9}}, "/segments/length"),
+        ("too many nodes", {"nodes": 1000}, "/nodes"),
+    ):
+        yield BadDocument(
+            f"piecewise: {name}", _json(changed("/method", {**good, **change})), f"/method{place}", "limit"
+        )
 
 
 def _broken() -> Iterator[BadDocument]:
@@ -390,5 +432,6 @@ BAD_DOCUMENTS: tuple[BadDocument, ...] = (
     *_limits(),
     *_unsupported(),
     *_webhooks(),
+    *_piecewise(),
     *_broken(),
 )

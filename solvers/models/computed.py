@@ -47,22 +47,27 @@ class Computed:
         """The definitions that stand for it: the whole once, by a name of its own, then its parts."""
         whole = "(" + ", ".join(self.quantities) + ")"  # no name of a document
         parts = {name: _Part(whole, index) for index, name in enumerate(self.quantities)}
-        return {whole: _Whole(self), **parts}
+        return {whole: Whole(self), **parts}
 
 
 @dataclass(frozen=True)
-class _Whole:
+class Whole:
+    """All that one function gives, as a tuple."""
+
     computed: Computed
 
     @property
     def text(self) -> str:
+        """See :class:`Formula`."""
         return self.computed.text
 
     @property
     def names(self) -> frozenset[str]:
+        """See :class:`Formula`."""
         return self.computed.inputs
 
     def evaluate(self, values: Mapping[str, Any], functions: Functions) -> Any:
+        """See :class:`Formula`."""
         return self.computed.function(values, functions)
 
 

@@ -14,6 +14,7 @@ from solvers.spec.methods import (
     GaussPseudospectralMethod,
     HermiteSimpsonMethod,
     Method,
+    PiecewiseMethod,
     SplineAdaptivity,
     SplineWaveletMethod,
 )
@@ -25,6 +26,7 @@ from solvers.spec.models import (
     definitions_of,
     written_out,
 )
+from solvers.spec.piecewise import Plant, Segments, Stop, Tracking
 from solvers.spec.problem import (
     BoundaryConstraint,
     DesignSpec,
@@ -61,11 +63,16 @@ __all__ = [
     "Options",
     "Output",
     "PathConstraint",
+    "PiecewiseMethod",
+    "Plant",
     "ProblemSpec",
     "Resolution",
+    "Segments",
     "SplineAdaptivity",
     "SplineWaveletMethod",
+    "Stop",
     "SubmittedModel",
+    "Tracking",
     "Value",
     "Verification",
     "answer_digest",

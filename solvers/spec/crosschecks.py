@@ -20,6 +20,7 @@ from solvers.spec.checks import check_bound, check_constant
 from solvers.spec.faults import Flaws, Path
 from solvers.spec.matrices import MatrixOf, matrix_rows
 from solvers.spec.modal_checks import check_modal
+from solvers.spec.piecewise_checks import check_piecewise
 from solvers.spec.scope import MAX_NAME, MAX_STATES, VIBRATION_ENERGY, Scope, has_elastic_coordinates, mapping
 from solvers.spec.support import check_support
 from solvers.spec.values import FREE, Interval, inside
@@ -34,6 +35,7 @@ def cross_check(scope: Scope) -> Flaws:
     flaws = Flaws()
     _check_names(scope, flaws)
     _check_library(scope, flaws)
+    check_piecewise(scope, flaws)
     _check_times(scope, flaws)
     _check_ends(scope, flaws)
     _check_control_ends(scope, flaws)

@@ -11,6 +11,8 @@ from pydantic_core import PydanticCustomError
 from solvers.errors import Fault, FaultType
 
 Path = tuple[str | int, ...]
+Flaw = tuple[Path, str, FaultType]
+"""Where, what is wrong and what would be right, and the type of the mistake."""
 
 MAX_FAULTS = 1000
 _LONGEST_KEY = 300
@@ -46,7 +48,7 @@ def kind_of(value: object) -> str:
 class Flaws:
     """Mistakes found below one place of the document; each path counts from there."""
 
-    found: list[tuple[Path, str, FaultType]] = field(default_factory=list)
+    found: list[Flaw] = field(default_factory=list)
 
     def add(self, detail: str, *path: str | int, type: FaultType = "invalid") -> None:
         """Take note of a mistake at ``path``; past 1,000 nothing is noted."""

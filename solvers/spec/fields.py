@@ -13,7 +13,7 @@ from typing import Annotated, Any
 from pydantic import BeforeValidator, GetCoreSchemaHandler, GetJsonSchemaHandler
 from pydantic_core import CoreSchema, core_schema
 
-from solvers.expressions import MAX_CHARACTERS
+from solvers.expressions import MAX_CHARACTERS, quoted
 from solvers.spec.checks import check_bound, check_constant, check_expression, is_number
 from solvers.spec.faults import Flaws, kind_of, refuse
 from solvers.spec.scope import Scope
@@ -151,6 +151,26 @@ class Count(Check):
     def schema(self) -> dict[str, Any]:
         """An integer."""
         return {"type": "integer", "minimum": self.least, "maximum": self.limit}
+
+
+@dataclass(frozen=True)
+class Choice(Check):
+    """One of some words."""
+
+    words: tuple[str, ...]
+
+    def check(self, value: Any, scope: Scope) -> str:
+        """Return the word."""
+        choice = "one of " + ", ".join(f"'{word}'" for word in self.words)
+        if not isinstance(value, str):
+            raise refuse(f"must be {choice}, not {kind_of(value)}")
+        if value not in self.words:
+            raise refuse(f"must be {choice}, not {quoted(value)}{scope.suggest(value, self.words)}")
+        return value
+
+    def schema(self) -> dict[str, Any]:
+        """The words."""
+        return {"type": "string", "enum": list(self.words)}
 
 
 @dataclass(frozen=True)

@@ -4,13 +4,25 @@ from __future__ import annotations
 
 from typing import Annotated, Any, ClassVar, Literal, Self
 
-from pydantic import model_validator
+from pydantic import Field, model_validator
 
 from solvers.expressions import quoted
 from solvers.spec.base import SpecModel
 from solvers.spec.faults import kind_of, refuse
-from solvers.spec.fields import Check, Count, Real
+from solvers.spec.fields import Check, Choice, Count, Real
+from solvers.spec.piecewise import (
+    MAX_SEGMENT_NODES,
+    MAX_SEGMENTS,
+    CountOrEnd,
+    Plant,
+    PlantCheck,
+    QuantityTable,
+    Segments,
+    Stop,
+    Tracking,
+)
 from solvers.spec.scope import Scope
+from solvers.spec.values import Value
 
 MAX_NODES = 65_539
 MAX_GAUSS_NODES = 8_192
@@ -176,12 +188,41 @@ class HermiteSimpsonMethod(MethodModel):
     """Whether to refine the answer to its true arcs, with the switching times as unknowns."""
 
 
-Method = AutoMethod | SplineWaveletMethod | GaussPseudospectralMethod | HermiteSimpsonMethod
+class PiecewiseMethod(MethodModel):
+    """Predict the next segment on the problem's model while this one is tracked on the plant."""
+
+    title = "Piecewise parallel optimal control"
+
+    name: Literal["piecewise"]
+    """The method."""
+    segments: Segments
+    """How the way is cut into segments."""
+    nodes: Annotated[int, Count(1, MAX_SEGMENT_NODES, "nodes a segment")] = 20
+    """Number of Hermite-Simpson intervals of a segment."""
+    scheme: Annotated[Literal["lookahead", "chapter"], Choice(("lookahead", "chapter"))] = "lookahead"
+    """``lookahead``: predictions see further segments and start from the simulated tracker; ``chapter``: they
+    see one segment and start from the predicted end plus half the last error."""
+    lookahead: Annotated[int | Literal["end"], CountOrEnd(Count(1, MAX_SEGMENTS, "segments"))] = 2
+    """Number of segments that a prediction sees, its own among them, or all to the ``end``."""
+    stop: Stop | None = None
+    """What ends the mission; null flies to the final time."""
+    tracking: Tracking = Tracking()
+    """How the reference is tracked."""
+    margins: Annotated[dict[str, Value], QuantityTable("state")] = Field(default_factory=dict)
+    """State -> how far predictions stay inside its bounds."""
+    smoothing: Annotated[float, Real(above=0, limit=1)] = 1e-5
+    """Weight of squared steps of the controls, relative to the objective: decides where that says nothing."""
+    plant: Annotated[Plant | None, PlantCheck()] = None
+    """What is flown; null flies the problem's own model."""
+
+
+Method = AutoMethod | SplineWaveletMethod | GaussPseudospectralMethod | HermiteSimpsonMethod | PiecewiseMethod
 
 METHODS: dict[str, type[Method]] = {
     "auto": AutoMethod,
     "swcm": SplineWaveletMethod,
     "gpm": GaussPseudospectralMethod,
     "hermite_simpson": HermiteSimpsonMethod,
+    "piecewise": PiecewiseMethod,
 }
 """Every method of this version by name."""

@@ -8,6 +8,17 @@ from typing import Any
 from solvers.spec.faults import Flaws, Path
 from solvers.spec.scope import Scope, mapping
 
+_NOT_FLOWN = (
+    "scenarios",
+    "phases",
+    "links",
+    "design",
+    "integrals",
+    "control_rates",
+    "initial_control",
+    "final_control",
+)
+
 
 def check_support(scope: Scope, flaws: Flaws) -> None:
     """Note every key that the method of the document cannot work with."""
@@ -16,14 +27,38 @@ def check_support(scope: Scope, flaws: Flaws) -> None:
         for place, what in not_refined(scope.problem):
             detail = f"unsupported: {what} with refine 'switching' is not in this version"
             flaws.add(detail, "problem", *place, type="unsupported")
+    if method.get("name") == "piecewise":
+        for place, what in _not_flown(scope.document):
+            detail = f"unsupported: {what} with the method piecewise is not in this version"
+            flaws.add(detail, *place, type="unsupported")
+
+
+def _not_flown(document: dict[str, Any]) -> Iterator[tuple[Path, str]]:
+    """Yield what missions in segments cannot work with: place in the document, and what it is."""
+    problem = mapping(document.get("problem"))
+    for key in _NOT_FLOWN:
+        if problem.get(key):
+            yield ("problem", key), f"'{key}'"
+    for index in _windows(problem):
+        yield ("problem", "path_constraints", index, "during"), "a window of a path constraint"
+    if document.get("warm_start") is not None:
+        yield ("warm_start",), "'warm_start'"
+    if mapping(document.get("options")).get("starts") not in (None, 1):
+        yield ("options", "starts"), "more than one start"
+
+
+def _windows(problem: dict[str, Any]) -> Iterator[int]:
+    """Yield the indices of the path constraints that hold during a part of the time."""
+    constraints = problem.get("path_constraints")
+    for index, item in enumerate(constraints if isinstance(constraints, list) else ()):
+        if mapping(item).get("during", [0, 1]) != [0, 1]:
+            yield index
 
 
 def not_refined(problem: dict[str, Any]) -> Iterator[tuple[Path, str]]:
     """Yield what switching refinement cannot work with: place below the problem, and what it is."""
-    constraints = problem.get("path_constraints")
-    for index, item in enumerate(constraints if isinstance(constraints, list) else ()):
-        if mapping(item).get("during", [0, 1]) != [0, 1]:
-            yield ("path_constraints", index, "during"), "a window of a path constraint"
+    for index in _windows(problem):
+        yield ("path_constraints", index, "during"), "a window of a path constraint"
     for key in ("initial_control", "final_control"):
         for control in mapping(problem.get(key)):
             if control not in mapping(problem.get("control_rates")):

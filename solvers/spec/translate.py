@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Any
+from itertools import islice
+from typing import Any, TypeVar
 
 from pydantic import ValidationError
 from pydantic_core import ErrorDetails
@@ -11,11 +12,12 @@ from pydantic_core import ErrorDetails
 from solvers.errors import Fault
 from solvers.expressions import quoted
 from solvers.spec.base import SpecModel
-from solvers.spec.faults import Path, kind_of, pointer
+from solvers.spec.faults import MAX_FAULTS, Flaw, Flaws, Path, kind_of, pointer
 from solvers.spec.job import JobSpec, Options, Output, Verification
 from solvers.spec.methods import METHODS, SplineAdaptivity
 from solvers.spec.modal import Mode
 from solvers.spec.models import FirstOrderModel, LibraryReference, MechanicalModel, ModalModel
+from solvers.spec.piecewise import Segments, Stop, Tracking
 from solvers.spec.problem import (
     BoundaryConstraint,
     DesignSpec,
@@ -28,6 +30,8 @@ from solvers.spec.problem import (
 )
 from solvers.spec.scope import Scope
 from solvers.spec.webhook import Webhook
+
+Object = TypeVar("Object", bound=SpecModel)
 
 _KINDS: dict[str, type[SpecModel]] = {
     "mechanical": MechanicalModel,
@@ -53,56 +57,71 @@ _OBJECTS: dict[str, type[SpecModel]] = {
     "output": Output,
     "webhook": Webhook,
     "adaptive": SplineAdaptivity,
+    "segments": Segments,
+    "stop": Stop,
+    "tracking": Tracking,
 }
-_LATER = {"ga", "piecewise"}
+_LATER = {"ga"}
 
 
 def translate(error: ValidationError, scope: Scope) -> Iterator[Fault]:
     """Yield one fault for every mistake that pydantic found."""
+    for path, detail, kind in _flaws(error, scope):
+        yield Fault(pointer(path), detail, kind)
+
+
+def nested(kind: type[Object], value: Any, scope: Scope, flaws: Flaws) -> Object | None:
+    """Read an object of a document in a scope of its own; what is wrong with it is added to ``flaws``."""
+    try:
+        return kind.model_validate(value, context=scope)
+    except ValidationError as error:
+        flaws.found += islice(_flaws(error, scope), MAX_FAULTS)
+    return None
+
+
+def _flaws(error: ValidationError, scope: Scope) -> Iterator[Flaw]:
     for detail in error.errors(include_url=False, include_input=True):
-        yield from _faults(detail, scope)
+        yield from _flaws_of(detail, scope)
 
 
-def _faults(error: ErrorDetails, scope: Scope) -> Iterator[Fault]:
+def _flaws_of(error: ErrorDetails, scope: Scope) -> Iterator[Flaw]:
     tagged = error["loc"]
     loc = _without_tags(tagged)
     context: dict[str, Any] = error.get("ctx", {})
     if error["type"] == "flaws":
         for path, detail, kind in context["flaws"]:
-            yield Fault(pointer(loc + path), detail, kind)
+            yield loc + path, detail, kind
     elif error["type"] == "extra_forbidden":
         key = str(tagged[-1])
         owner = next((_OBJECTS[p] for p in reversed(tagged[:-1]) if p in _OBJECTS), JobSpec)
         keys = [info.alias or name for name, info in owner.model_fields.items()]
-        yield Fault(pointer(loc), f"unknown key {quoted(key)}{scope.suggest(key, keys)}")
+        yield loc, f"unknown key {quoted(key)}{scope.suggest(key, keys)}", "invalid"
     elif error["type"] in ("union_tag_invalid", "union_tag_not_found"):
-        yield _tag_fault(loc, error["input"], scope)
+        yield _tag_flaw(loc, error["input"], scope)
     else:
-        yield Fault(pointer(loc), _sentence(error))
+        yield loc, _sentence(error), "invalid"
 
 
 def _without_tags(loc: Path) -> Path:
     """Return the way without the names that pydantic adds for the kind of model and the method."""
     if loc[:2] == ("problem", "model"):
         return loc[:2] + loc[3:]
-    return loc[:1] + loc[2:] if loc[:1] == ("method",) else loc
+    return loc[:1] + loc[2:] if loc[:1] in (("method",), ("model",)) else loc
 
 
-def _tag_fault(loc: Path, value: Any, scope: Scope) -> Fault:
+def _tag_flaw(loc: Path, value: Any, scope: Scope) -> Flaw:
     key, known = ("kind", list(_KINDS)) if loc[-1] == "model" else ("name", list(METHODS))
-    place = pointer((*loc, key))
+    place = (*loc, key)
     tag = value.get(key) if isinstance(value, dict) else None
     choice = "one of " + ", ".join(known)
     if tag is None:
-        return Fault(place, f"is required: {choice}")
+        return place, f"is required: {choice}", "invalid"
     if not isinstance(tag, str):
-        return Fault(place, f"must be {choice}, not {kind_of(tag)}")
+        return place, f"must be {choice}, not {kind_of(tag)}", "invalid"
     what = "method" if key == "name" else "kind of model"
     if tag in _LATER:
-        return Fault(
-            place, f"unsupported: the {what} '{tag}' is not in this version; {choice}", "unsupported"
-        )
-    return Fault(place, f"unknown {what} {quoted(tag)}{scope.suggest(tag, known)}; must be {choice}")
+        return place, f"unsupported: the {what} '{tag}' is not in this version; {choice}", "unsupported"
+    return place, f"unknown {what} {quoted(tag)}{scope.suggest(tag, known)}; must be {choice}", "invalid"
 
 
 def _sentence(error: ErrorDetails) -> str:

@@ -24,11 +24,14 @@ Vector = NDArray[np.float64]
 CASES = [
     "brachistochrone",
     "bryson_denham",
+    "edt_dipole",
+    "edt_igrf",
     "flexible_spacecraft",
     "free_flying_robot",
     "goddard",
     "hypersensitive",
     "min_time_orbit_transfer",
+    "pse",
     "rigid_body",
     "solar_array_1",
     "solar_array_2",
@@ -58,7 +61,10 @@ def test_case_is_a_valid_document_with_a_reference(name: str) -> None:
         assert times[0] > 0
         assert times[-1] < reference["final_time"]
     resolved = spec.resolved().document["problem"]["model"]
-    assert resolved == resolved | case["problem"]["model"]  # a library model has its parameters listed
+    given = case["problem"]["model"]
+    parameters = resolved.get("parameters", {}), given.get("parameters", {})
+    assert resolved | {"parameters": {}} == resolved | given | {"parameters": {}}
+    assert parameters[0] == parameters[0] | parameters[1]  # a library model has all of them listed
     assert initial_intervals(spec.problem).keys() == set(spec.problem.model.states)
 
 
@@ -121,6 +127,13 @@ def test_methods_list_their_defaults_and_schemas() -> None:
         "swcm": {"L": 8, "J": 4},
         "gpm": {"nodes": 40, "segments": 1},
         "hermite_simpson": {"intervals": 60},
+        "piecewise": {
+            "nodes": 20,
+            "scheme": "lookahead",
+            "lookahead": 2,
+            "smoothing": 1e-5,
+            "tracking": {"Q": {}, "R": {}, "S": {}, "horizon": "end", "limits": {}},
+        },
     }
     for name, entry in listed.items():
         assert entry["title"]

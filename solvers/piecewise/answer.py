@@ -1,0 +1,204 @@
+"""From a mission to the answer of the document: one trajectory, its proof, and the segments."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from solvers.backends import NUMPY
+from solvers.bases.hermite import cubic_pieces
+from solvers.coefficients import FLIGHT, linear_pieces
+from solvers.curves import HermiteCurve
+from solvers.piecewise.mission import Mission, Segment
+from solvers.piecewise.pieces import Pieces
+from solvers.piecewise.plant import Plant
+from solvers.piecewise.setup import Setup
+from solvers.piecewise.verify import verify_mission
+from solvers.problem import OptimalControlProblem
+from solvers.report import constraint_margins
+from solvers.solution import Solution, Statistics
+from solvers.status import SolveStatus
+from solvers.trajectory import Trajectory
+from solvers.verify import Tolerances, Verification
+
+Vector = NDArray[np.float64]
+
+_VERIFY_SECONDS, _VERIFY_SECONDS_STOPPED = 60.0, 1.0
+
+
+def answer(setup: Setup, plant: Plant, mission: Mission, seconds: dict[str, float]) -> Solution:
+    """The answer that a mission with at least one segment gives; its proof counts to ``seconds``."""
+    started = time.perf_counter()
+    pieces = Pieces.of(*zip(*[(segment.track, segment.held) for segment in mission.segments], strict=True))
+    end = float(pieces.times[-1]) if mission.stopped_at is None else mission.stopped_at
+    trajectory = _trajectory(plant, pieces, end)
+    running = float(np.interp(end, pieces.times, pieces.costs))
+    objective = _objective(setup.problem, trajectory, running)
+    stop = None if setup.method.stop is None else mission.stopped_at is not None
+    patience = _VERIFY_SECONDS if mission.status is SolveStatus.CONVERGED else _VERIFY_SECONDS_STOPPED
+    verification = verify_mission(
+        plant,
+        pieces,
+        trajectory,
+        setup.limits,
+        Tolerances(**setup.spec.verification_tolerances()),
+        objective=objective,
+        stop=stop,
+        deadline=time.monotonic() + patience,
+    )
+    status, message = _verdict(mission, verification)
+    seconds["verify"] = time.perf_counter() - started
+    references = [segment.reference for segment in mission.segments]
+    return Solution(
+        spec=setup.spec,
+        problem=setup.problem,
+        trajectory=trajectory,
+        costates=np.full((len(setup.problem.states), trajectory.nodes.size), np.nan),
+        objective=objective,
+        status=status,
+        message=message,
+        method=setup.spec.resolved().document["method"],
+        verification=verification,
+        integrals={},
+        model_report=None,
+        switching={},
+        constraints=constraint_margins(setup.problem, trajectory),
+        convergence=[],
+        starts=[],
+        warnings=[],
+        statistics=Statistics(
+            max(reference.variables for reference in references),
+            max(reference.constraints for reference in references),
+            sum(reference.iterations for reference in references),
+            references[-1].solver_status,
+            seconds,
+        ),
+        extras={
+            "segments": [_report(setup.problem, segment) for segment in mission.segments],
+            "schedules": _schedules(mission),
+        },
+    )
+
+
+def _schedules(mission: Mission) -> dict[str, float | None]:
+    """Seconds of the mission as it went, and of its parts one after the other."""
+    sequential, waits = mission.sequential_seconds, [segment.wait for segment in mission.segments[1:]]
+    return {
+        "parallel": mission.seconds,
+        "sequential": sequential,
+        "speedup": sequential / mission.seconds if mission.seconds else None,
+        "median_wait": float(np.median(waits)) if waits else None,
+    }
+
+
+def _verdict(mission: Mission, verification: Verification) -> tuple[SolveStatus, str]:
+    status = mission.status
+    if status is SolveStatus.CONVERGED and not verification.passed:
+        status = SolveStatus.UNVERIFIED
+    details = [_TRACKED if status is SolveStatus.CONVERGED else status.sentence]
+    if status is SolveStatus.UNVERIFIED:
+        details = [_OUTSIDE]
+        failed = [check for check in verification.checks if not check.passed]
+        details += [f"{check.name} is {check.value}, the limit {check.limit}." for check in failed]
+    details += [text for text in (mission.note, verification.note) if text]
+    return status, " ".join(details)
+
+
+_TRACKED = "Every prediction converged and the plant stayed within its bounds."
+_OUTSIDE = (
+    "Every prediction converged, but the plant is outside the verification tolerance. Look further ahead "
+    "(method.lookahead), keep predictions inside the bounds (method.margins), or take more nodes."
+)
+
+
+def _trajectory(plant: Plant, pieces: Pieces, end: float) -> Trajectory:
+    """The flight until ``end``, as curves."""
+    times, seen, slopes, before, after = _cut(pieces, plant.seen_rates(pieces), end)
+    duration = float(times[-1] - times[0])
+    knots = (times - times[0]) / duration
+    knots[-1] = 1.0
+    return Trajectory(
+        t0=float(times[0]),
+        tf=float(times[-1]),
+        states={
+            name: HermiteCurve(knots, row, duration * slope)
+            for name, row, slope in zip(plant.problem.states, seen, slopes, strict=True)
+        },
+        controls={
+            name: linear_pieces(knots, np.column_stack([before[:, index], after[:, index]]))
+            for index, name in enumerate(plant.problem.controls)
+        },
+        interpolation="linear",
+        basis={"name": FLIGHT, "knots": knots.tolist()},
+        breakpoints=knots,
+        nodes=knots,
+    )
+
+
+def _cut(pieces: Pieces, slopes: Vector, end: float) -> tuple[Vector, Vector, Vector, Vector, Vector]:
+    """Times, states, slopes and both ends of the control, the last piece cut at ``end``."""
+    times, seen = pieces.times, pieces.seen
+    last = int(np.clip(np.searchsorted(times, end), 1, times.size - 1))
+    edge = slice(last - 1, last + 1)
+    cubic = cubic_pieces(times[edge], seen[:, edge].T, slopes[:, edge].T)
+    part = (end - times[last - 1]) / (times[last] - times[last - 1])
+    control = pieces.before[last - 1] + part * (pieces.after[last - 1] - pieces.before[last - 1])
+    return (
+        np.append(times[:last], end),
+        np.column_stack([seen[:, :last], cubic(end)]),
+        np.column_stack([slopes[:, :last], cubic(end, 1)]),
+        pieces.before[:last],
+        np.vstack([pieces.after[: last - 1], control]),
+    )
+
+
+def _objective(problem: OptimalControlProblem, trajectory: Trajectory, running: float) -> float:
+    if problem.terminal_cost is None:
+        return running
+    edges = np.array([0.0, 1.0])
+    states, controls = trajectory.states_at(edges), trajectory.controls_at(edges)
+    scope = problem.ends_scope(
+        (states[:, 0], controls[:, 0], trajectory.t0),
+        (states[:, 1], controls[:, 1], trajectory.tf),
+        problem.parameters,
+        NUMPY,
+    )
+    return running + float(problem.terminal_cost.evaluate(scope, NUMPY.functions))
+
+
+def _report(problem: OptimalControlProblem, segment: Segment) -> dict[str, Any]:
+    reference, track = segment.reference, segment.track
+    off = track.seen - reference.states
+    return {
+        "index": reference.index,
+        "t0": float(track.times[0]),
+        "tf": float(track.times[-1]),
+        "predicted": {
+            "t": reference.times.tolist(),
+            "states": _named(problem.states, reference.states),
+            "controls": _named(problem.controls, reference.controls),
+        },
+        "tracked": {
+            "t": track.times.tolist(),
+            "states": _named(problem.states, track.seen),
+            "controls": _named(problem.controls, np.vstack([track.before, track.after[-1:]]).T),
+        },
+        "gap": _named(problem.states, off[:, 0]),
+        "error_rms": _named(problem.states, np.sqrt(np.mean(off**2, axis=1))),
+        "prediction": {
+            "status": reference.status.value,
+            "objective": reference.objective,
+            "iterations": reference.iterations,
+            "seconds": reference.seconds,
+        },
+        "tracking_seconds": segment.tracking_seconds,
+        "wait_seconds": segment.wait,
+    }
+
+
+def _named(names: Sequence[str], rows: Vector) -> dict[str, Any]:
+    return dict(zip(names, rows.tolist(), strict=True))

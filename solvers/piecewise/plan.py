@@ -1,0 +1,70 @@
+"""Where segments begin and end, and how far their predictions see."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import ceil
+
+import numpy as np
+from numpy.typing import NDArray
+
+from solvers.problem import OptimalControlProblem
+from solvers.spec import PiecewiseMethod
+
+Vector = NDArray[np.float64]
+
+# A last segment shorter than this part of the others is no segment.
+_SHORTEST = 1e-9
+# More intervals than this after the segment say no more about it.
+_MOST_AHEAD = 60
+
+
+@dataclass(frozen=True)
+class Plan:
+    """Segments between ``edges`` (N + 1,): of time, or of the state ``state`` where that is not None.
+
+    ``sees``: how many segments a prediction sees, its own among them.
+    """
+
+    edges: Vector
+    state: int | None
+    sees: int
+    nodes: int
+
+    @classmethod
+    def of(cls, method: PiecewiseMethod, problem: OptimalControlProblem) -> Plan:
+        """The plan of a document."""
+        segments = method.segments
+        if segments.by == "time":
+            assert segments.length is not None
+            start, end = problem.initial_time[0], problem.final_time[1]
+            count = max(1, ceil((end - start) / segments.length - _SHORTEST))
+            edges = np.append(start + segments.length * np.arange(count), end)
+            state = None
+        else:
+            assert segments.count is not None
+            state = problem.states.index(segments.by)
+            edges = np.linspace(
+                problem.initial_state[state][0], problem.final_state[state][0], segments.count + 1
+            )
+        sees = edges.size - 1 if method.lookahead == "end" else int(method.lookahead)
+        return cls(edges, state, 1 if method.scheme == "chapter" else sees, method.nodes)
+
+    @property
+    def count(self) -> int:
+        """The number of segments."""
+        return int(self.edges.size) - 1
+
+    def last_seen(self, index: int) -> int:
+        """The index of the last segment that the prediction of segment ``index`` sees."""
+        return min(index + self.sees, self.count) - 1
+
+    def intervals_ahead(self, index: int) -> int:
+        """The number of intervals after the segment in its prediction."""
+        if self.last_seen(index) == index:
+            return 0
+        return min(self.nodes * (self.sees - 1), _MOST_AHEAD)
+
+    def sees_the_end(self, index: int) -> bool:
+        """Whether the horizon of segment ``index`` ends where the problem ends."""
+        return self.last_seen(index) == self.count - 1

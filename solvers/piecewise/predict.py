@@ -1,0 +1,224 @@
+"""Predictions: the open-loop optimum of a segment, seen with what comes after it.
+
+``lookahead`` starts each prediction from the simulated tracker: the simple model follows the present
+segment's reference from its true start, which is known by then. What no control moves is expected to be off
+by as much as over the last segment. ``chapter`` starts from the predicted end plus half of the error before.
+
+Source: Zhu, Shi, "Piecewise Parallel Optimal Algorithm", IntechOpen 2018, doi 10.5772/intechopen.76625.
+"""
+
+from __future__ import annotations
+
+import time
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from solvers.optimizers.ipopt import Ipopt, Iterate, Limits
+from solvers.piecewise.flow import Flow, RunawayError
+from solvers.piecewise.horizon import Horizon, Wanted
+from solvers.piecewise.plan import Plan
+from solvers.piecewise.reference import Reference
+from solvers.piecewise.setup import Setup
+from solvers.piecewise.simple import SimpleModel
+from solvers.piecewise.track import Tracker
+
+Vector = NDArray[np.float64]
+
+_FLIGHT_TOLERANCE = 1e-9
+_HALF = 0.5  # the chapter's share of the last error
+# A segment of unknown length takes at least this part of the guess, so that nothing divides by zero.
+_SHORTEST = 1e-3
+_BARRIER = 1e-2
+
+
+class Predictor:
+    """Predicts segment after segment; keeps the last solution as the next guess."""
+
+    def __init__(self, setup: Setup) -> None:
+        self._setup = setup
+        self._model: SimpleModel = setup.model
+        self._plan: Plan = setup.plan
+        self._tracker: Tracker = setup.tracker
+        self._flow = Flow(self._model.whole_rate, _FLIGHT_TOLERANCE)
+        self._horizons: dict[tuple[int, int, bool], tuple[Horizon, Ipopt]] = {}
+        self._solution: tuple[Vector, Vector, Vector] | None = None  # times, states, controls of the last one
+        self._ends: list[Vector] = []  # where each segment was expected to end when it began
+
+    def first(self, limits: Limits) -> Reference:
+        """The prediction of the first segment, from the document's own start."""
+        problem = self._model.problem
+        start = np.array([interval[0] for interval in problem.initial_state])
+        return self.predict(0, start, problem.initial_time[0], limits)
+
+    def following(self, reference: Reference, true_start: Vector, limits: Limits) -> Reference:
+        """The prediction of the segment after ``reference``, which is tracked from ``true_start`` (n,)."""
+        started = time.perf_counter()
+        if self._setup.scheme == "chapter":
+            start = reference.end.copy()
+            if self._ends:
+                start += _HALF * (true_start - self._ends[-1])
+            self._ends.append(reference.end)
+        else:
+            start = self._expected_end(reference, true_start)
+        found = self.predict(reference.index + 1, start, float(reference.times[-1]), limits)
+        return replace(found, seconds=time.perf_counter() - started)
+
+    def _expected_end(self, reference: Reference, true_start: Vector) -> Vector:
+        """Where the simulated tracker ends, and by how much it was wrong of what no control moves."""
+        outside = list(self._model.exogenous)
+        try:
+            gains = self._tracker.gains(reference)
+            end: Vector = self._tracker.follow(reference, gains, self, true_start).states[-1]
+        except RunawayError:
+            end = reference.end
+        start: Vector = end.copy()
+        if self._ends:
+            start[outside] += true_start[outside] - self._ends[-1][outside]
+        self._ends.append(end)
+        return start
+
+    def see(self, x: Vector, t: float) -> Vector:
+        """The simple model is what it is."""
+        return x
+
+    def fly(self, x: Vector, t0: float, t1: float, u0: Vector, u1: Vector) -> Vector:
+        """The simple model, flown."""
+        return self._flow.fly(x, t0, t1, u0, u1)
+
+    def predict(self, index: int, start: Vector, at: float, limits: Limits) -> Reference:
+        """The prediction of segment ``index`` from all states at a time."""
+        started = time.perf_counter()
+        horizon, wanted = self._wanted(index, start, at)
+        program = horizon.program(wanted)
+        key = (horizon.nodes, horizon.rest, self._solution is None)
+        known = self._horizons.get(key)
+        if known is None:
+            optimizer = Ipopt(
+                program,
+                tolerance=self._setup.tolerance,
+                max_iterations=self._setup.max_iterations,
+                warm=self._solution is not None,
+                barrier=_BARRIER,
+            )
+            self._horizons[key] = known = (horizon, optimizer)
+        outcome = known[1].minimise(program, limits, _unheard)
+        states, controls, lengths = horizon.read(outcome.unknowns)
+        segment = slice(0, horizon.boundary_node + 1)
+        times = at + horizon.times(lengths)[horizon.place_of_node]
+        self._solution = (times, states, controls)
+        whole = np.empty((start.size, horizon.boundary_node + 1))
+        whole[list(self._model.driven)] = states[:, segment]
+        outside = len(self._model.exogenous)
+        whole[list(self._model.exogenous)] = wanted.numbers[:outside, segment]
+        numbers = wanted.numbers[:, segment] if self._model.known_times else times[None, segment]
+        return Reference(
+            index=index,
+            times=times[segment],
+            states=whole,
+            controls=controls[:, segment],
+            numbers=numbers,
+            objective=outcome.objective * self._setup.scales.objective,
+            status=outcome.status,
+            solver_status=outcome.solver_status,
+            iterations=outcome.iterations,
+            variables=program.variables,
+            constraints=program.constraints,
+            seconds=time.perf_counter() - started,
+        )
+
+    def _wanted(self, index: int, start: Vector, at: float) -> tuple[Horizon, Wanted]:
+        setup, plan, model = self._setup, self._plan, self._model
+        rest = plan.intervals_ahead(index)
+        known = next(
+            (item for key, (item, _) in self._horizons.items() if key[:2] == (plan.nodes, rest)), None
+        )
+        horizon = known or Horizon(model, plan.nodes, rest, setup.scales, setup.smoothing)
+        nodes, part = horizon.places
+        guess = self._guess(horizon, index, at)
+        if model.known_times:
+            times = at + horizon.times(guess[2])[horizon.place_of_node]
+            numbers = model.beforehand(start, times)[:, nodes]
+            lengths = np.repeat(guess[2][:, None], 2, axis=1)
+        else:
+            numbers = np.vstack([np.full(part.size, at), horizon.local])
+            shortest = _SHORTEST * guess[2] if rest else _SHORTEST * guess[2] * [1, 0]
+            lengths = np.column_stack([shortest, [np.inf, np.inf if rest else 0.0]])
+        driven = list(model.driven)
+        ends = self._ends_of(index)
+        problem = model.problem
+        closed = np.array([item.interval for item in problem.boundary], np.float64).reshape(-1, 2)
+        wanted = Wanted(
+            start=start[driven],
+            initial=start.tolist(),
+            time=at,
+            numbers=numbers,
+            lower=setup.lower,
+            upper=setup.upper,
+            segment_end=ends[0],
+            horizon_end=ends[1],
+            lengths=lengths,
+            boundary=closed if plan.sees_the_end(index) else np.tile([-np.inf, np.inf], (closed.shape[0], 1)),
+            guess=guess,
+        )
+        return horizon, wanted
+
+    def _ends_of(self, index: int) -> tuple[Vector, Vector]:
+        """What the driven states must be where the segment and the horizon end."""
+        plan, model = self._plan, self._model
+        free = np.tile([-np.inf, np.inf], (len(model.driven), 1))
+        segment, horizon = free.copy(), free.copy()
+        if plan.sees_the_end(index):
+            horizon[:] = [model.problem.final_state[place] for place in model.driven]
+        if plan.state is not None:
+            place = model.driven.index(plan.state)
+            segment[place] = plan.edges[index + 1]
+            horizon[place] = plan.edges[plan.last_seen(index) + 1]
+        return segment, horizon
+
+    def _guess(self, horizon: Horizon, index: int, at: float) -> tuple[Vector, Vector, Vector]:
+        """The last solution from here on, its end held; the document's guess at the beginning."""
+        plan, problem = self._plan, self._model.problem
+        lengths = self._lengths(index, at)
+        times = horizon.times(lengths)[horizon.place_of_node]
+        driven = list(self._model.driven)
+        if self._solution is None:
+            start, end = problem.guess.t0, problem.guess.tf
+            if plan.state is None:
+                tau = np.clip((at + times - start) / (end - start), 0.0, 1.0)
+            else:
+                tau = times / max(times[-1], 1e-300)
+                tau *= (plan.last_seen(index) + 1) / plan.count
+            return problem.guess.states_at(tau)[driven], problem.guess.controls_at(tau), lengths
+        old, states, controls = self._solution
+        guessed = [
+            np.array([np.interp(at + times, old, row) for row in rows]).reshape(-1, times.size)
+            for rows in (states, controls)
+        ]
+        return guessed[0], guessed[1], lengths
+
+    def _lengths(self, index: int, at: float) -> Vector:
+        """Lengths of the segment and of what its prediction sees after it: known, or as guessed."""
+        plan, problem = self._plan, self._model.problem
+        last = plan.last_seen(index)
+        if plan.state is None:
+            edges = plan.edges
+            return np.array([edges[index + 1] - at, edges[last + 1] - edges[index + 1]])
+        if self._solution is None:
+            whole = problem.guess.tf - problem.guess.t0
+            return np.array([1, last - index]) * whole / plan.count
+        times, states, _ = self._solution
+        way = states[self._model.driven.index(plan.state)]
+        order = np.argsort(way)
+        instants = np.interp(plan.edges[[index + 1, last + 1]], way[order], times[order])
+        usual = (
+            (times[-1] - times[0]) / max(1e-300, abs(way[-1] - way[0])) * abs(plan.edges[1] - plan.edges[0])
+        )
+        first = max(instants[0] - at, _SHORTEST * usual)
+        ahead = max(instants[1] - at - first, 0.5 * usual) if last > index else 0.0
+        return np.array([first, ahead])
+
+
+def _unheard(_: Iterate) -> None:
+    """Nobody watches the iterations of a prediction."""

@@ -1,0 +1,107 @@
+"""What the ``piecewise`` method asks of the whole document: a start, segments, an end."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from solvers.errors import ExpressionError
+from solvers.expressions import parse, quoted
+from solvers.spec.checks import check_bound
+from solvers.spec.faults import Flaws
+from solvers.spec.scope import Scope, mapping
+from solvers.spec.values import FREE, Interval
+
+MOST_SEGMENTS = 10_000
+
+
+def check_piecewise(scope: Scope, flaws: Flaws) -> None:
+    """Note what keeps a document with this method from being flown; others are passed over."""
+    method = mapping(scope.document.get("method"))
+    if method.get("name") != "piecewise":
+        return
+    if not scope.known:
+        return
+    if not _fixed(_interval(scope, scope.problem.get("initial_time", 0))):
+        flaws.add("piecewise starts at one time: give a value", "problem", "initial_time")
+    initial = mapping(scope.problem.get("initial_state"))
+    for state in scope.states:
+        place = state if state in initial else "*"
+        if place in initial and not _fixed(_interval(scope, initial[place])):
+            flaws.add(
+                f"piecewise starts from one state: give {quoted(state)} a value",
+                "problem",
+                "initial_state",
+                place,
+            )
+    _check_segments(scope, method, flaws)
+    _check_stop(scope, method, flaws)
+
+
+def _check_stop(scope: Scope, method: dict[str, Any], flaws: Flaws) -> None:
+    """The stop is judged along the way: it names states there, not controls or the start."""
+    expression = mapping(method.get("stop")).get("expression")
+    known = scope.parameter_names.union((f"{name}_f" for name in scope.states), ("tf",))
+    try:
+        names = parse(expression).undefined(known) if isinstance(expression, str) else []
+    except ExpressionError:
+        return  # reported where it stands
+    for name in names:
+        if name in scope.boundary_names:
+            detail = f"the name {quoted(name)} cannot be used here; a stop has <state>_f, parameters and tf"
+            flaws.add(detail, "method", "stop", "expression")
+
+
+def _check_segments(scope: Scope, method: dict[str, Any], flaws: Flaws) -> None:
+    segments = mapping(method.get("segments"))
+    by = segments.get("by")
+    if not isinstance(by, str):
+        return
+    wanted, other = ("length", "count") if by == "time" else ("count", "length")
+    place = "method", "segments"
+    if segments.get(wanted) is None:
+        flaws.add(f"segments by {quoted(by)} need {wanted!r}", *place)
+    if segments.get(other) is not None:
+        flaws.add(f"segments by {quoted(by)} have no {other!r}", *place, other)
+    if by == "time":
+        end = _interval(scope, scope.problem.get("final_time")) or FREE
+        start = _interval(scope, scope.problem.get("initial_time", 0)) or FREE
+        if method.get("lookahead") == "end" and end[0] != end[1]:
+            detail = (
+                "segments by time look ahead to the end only where the final time is fixed; give a number"
+            )
+            flaws.add(detail, "method", "lookahead")
+        length = _number(scope, segments.get("length"))
+        if not np.isfinite(end[1]):
+            flaws.add("segments by time need a latest final time", "problem", "final_time")
+        elif length is not None and length > 0 and end[1] - start[0] > MOST_SEGMENTS * length:
+            detail = f"limit: at most {MOST_SEGMENTS:,} segments until the latest final time"
+            flaws.add(detail, *place, "length", type="limit")
+    elif by not in scope.states:
+        flaws.add(
+            f"{quoted(by)} is neither 'time' nor a state{scope.suggest(by, scope.states)}", *place, "by"
+        )
+    else:
+        ends = [
+            _interval(scope, mapping(scope.problem.get(key)).get(by))
+            for key in ("initial_state", "final_state")
+        ]
+        if not all(_fixed(end) for end in ends) or ends[0] == ends[1]:
+            detail = f"{quoted(by)} must go from a fixed initial to another fixed final value"
+            flaws.add(detail, *place, "by")
+
+
+def _number(scope: Scope, value: Any) -> float | None:
+    interval = _interval(scope, value)
+    return interval[0] if _fixed(interval) and interval is not None else None
+
+
+def _interval(scope: Scope, bound: Any) -> Interval | None:
+    """Return the interval of a bound, free where none is given, None where it cannot be judged."""
+    return FREE if bound is None else check_bound(bound, scope, Flaws())
+
+
+def _fixed(interval: Interval | None) -> bool:
+    """Tell whether a bound is one value, or cannot be judged and is reported elsewhere."""
+    return interval is None or interval[0] == interval[1]
