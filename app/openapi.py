@@ -10,6 +10,7 @@ from fastapi.openapi.utils import get_openapi
 from app.auth import needed_scope
 from app.errors import PROBLEM_JSON
 from app.problems import PROBLEMS
+from solvers.catalogue import load_case
 from solvers.spec import job_schema
 from solvers.spec.sweep import MAX_POINTS
 
@@ -19,7 +20,12 @@ _SCHEMAS = "#/components/schemas/"
 DOCUMENT_BODY: dict[str, Any] = {
     "requestBody": {
         "required": True,
-        "content": {"application/json": {"schema": {"$ref": f"{_SCHEMAS}JobDocument"}}},
+        "content": {
+            "application/json": {
+                "schema": {"$ref": f"{_SCHEMAS}JobDocument"},
+                "examples": {name: {"value": load_case(name)} for name in ("rigid_body", "brachistochrone")},
+            }
+        },
     }
 }
 """What a route that reads a job document adds to its description."""
@@ -149,7 +155,22 @@ def _document(app: FastAPI) -> dict[str, Any]:
                 }
             if "application/json" in operation["responses"].get("422", {}).get("content", {}):
                 operation["responses"]["422"] = refusals(422)[422]
+    for maker, parameter in (("/v1/jobs", "job_id"), ("/v1/sweeps", "sweep_id")):
+        document["paths"][maker]["post"]["responses"]["202"]["links"] = _links(document, parameter)
     return document
+
+
+def _links(document: dict[str, Any], parameter: str) -> dict[str, Any]:
+    """Return what can be asked of something that was made, for whoever follows descriptions by himself."""
+    return {
+        operation["operationId"]: {
+            "operationId": operation["operationId"],
+            "parameters": {parameter: "$response.body#/id"},
+        }
+        for path, operations in document["paths"].items()
+        for operation in operations.values()
+        if f"{{{parameter}}}" in path
+    }
 
 
 def _relocated(schema: object) -> object:

@@ -286,6 +286,14 @@ def _keys() -> Iterator[BadDocument]:
     yield BadDocument("text: lone surrogate", _text('"slew"', '"\\ud800"'), "/tags/0")
 
 
+def _growing_definitions() -> Iterator[tuple[str, str]]:
+    """Definitions each of which has three times the operations of the one before."""
+    before = "k"
+    for number in range(12):
+        yield f"d{number}", f"{before} + {before}*{before}"
+        before = f"d{number}"
+
+
 def _limits() -> Iterator[BadDocument]:
     for name, pointer, value in (
         ("N of swcm", "/method/J", 20),
@@ -299,12 +307,20 @@ def _limits() -> Iterator[BadDocument]:
         ("tags", "/tags", [str(number) for number in range(21)]),
         ("tag", "/tags/0", "x" * 65),
         ("guess", "/problem/guess", {"controls": {"T": [0.0] * 8_196}}),
+        ("starts", "/options/starts", 65),
+        ("level of swcm", "/method", {"name": "swcm", "adaptive": {"tolerance": 1e-6, "max_level": 21}}),
+        ("characters", f"{_MODEL}/stiffness/1/1", "k" + " " * 4096),
+        ("levels of an expression", f"{_MODEL}/stiffness/1/1", "(" * 65 + "k" + ")" * 65),
+        ("operations", f"{_MODEL}/stiffness/1/1", "k" + "+k" * 2001),
+        ("operations written out", f"{_MODEL}/definitions", dict(_growing_definitions())),
     ):
         where = {
             "N of gpm": "/method/nodes",
             "N of gpm in all": "/method/segments",
             "N of hermite_simpson": "/method/intervals",
             "guess": "/problem/guess/controls/T",
+            "level of swcm": "/method/adaptive/max_level",
+            "operations written out": f"{_MODEL}/definitions/d10",
         }.get(name, pointer)
         yield BadDocument(f"limit: {name}", _json(changed(pointer, value)), where, "limit")
     many = [f"x{number}" for number in range(65)]

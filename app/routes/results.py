@@ -57,7 +57,7 @@ def result(
     service: Shared,
     job_id: str,
     format: Annotated[
-        str | None, Query(description=f"Instead of Accept: one of {', '.join(_MEDIA)}.")
+        str | None, Query(description="Instead of Accept.", json_schema_extra={"enum": [*_MEDIA, None]})
     ] = None,
 ) -> Response:
     """Return the result of a final job; CSV, NPZ and MAT hold the sampled trajectory."""

@@ -71,7 +71,9 @@ def result(
     request: Request,
     service: Shared,
     sweep_id: str,
-    format: Annotated[str | None, Query(description="Instead of Accept: csv or npz.")] = None,
+    format: Annotated[
+        str | None, Query(description="Instead of Accept.", json_schema_extra={"enum": [*_MEDIA, None]})
+    ] = None,
     nodes: Annotated[bool, Query(description="NPZ: add the nodes of each answer.")] = False,
     trajectory: Annotated[bool, Query(description="NPZ: add the samples of each answer.")] = False,
 ) -> Response:
