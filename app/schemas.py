@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from pydantic import BaseModel, Field
+from pydantic import BaseModel, Field, SerializerFunctionWrapHandler, model_serializer
 
 from worker.records import FailureType, JobRecord, JobStatus, Priority, timestamp
 
@@ -17,6 +17,16 @@ class ProgressView(BaseModel):
     objective: float | None
     infeasibility: float | None
     fraction: float | None
+    diversity: float | None = Field(
+        None, description="Of a population: how far its genes are from their mean."
+    )
+
+    @model_serializer(mode="wrap")
+    def _without_what_is_not_there(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        fields: dict[str, Any] = handler(self)
+        if self.diversity is None:
+            del fields["diversity"]
+        return fields
 
 
 class JobErrorView(BaseModel):

@@ -8,13 +8,17 @@ from typing import Protocol
 
 @dataclass(frozen=True, slots=True)
 class ProgressReport:
-    """A moment of a solve: ``fraction`` in [0, 1] is an estimate, ``None`` where there is none."""
+    """A moment of a solve: ``fraction`` in [0, 1] is an estimate, ``None`` where there is none.
+
+    ``diversity``: of a population, how far its genes are from their mean.
+    """
 
     stage: str
     iteration: int
     objective: float | None = None
     infeasibility: float | None = None
     fraction: float | None = None
+    diversity: float | None = None
 
 
 class Progress(Protocol):

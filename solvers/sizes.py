@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from solvers.bases.legendre import legendre_gauss
+from solvers.genetic.basis import basis_of
 from solvers.piecewise.driven import driven_states
 from solvers.piecewise.plan import Plan
 from solvers.problem import OptimalControlProblem
@@ -16,6 +17,7 @@ from solvers.quantities import Interval
 from solvers.spec import (
     AutoMethod,
     GaussPseudospectralMethod,
+    GeneticMethod,
     HermiteSimpsonMethod,
     JobSpec,
     PiecewiseMethod,
@@ -37,6 +39,8 @@ class ProblemSize:
 
 # What two processes take to be ready for the first prediction.
 _START_SECONDS = 1.0
+# Seconds of an evaluation of an individual, for each state.
+_EVALUATION = 5e-6
 # How much longer than the first mesh all meshes of the cases took.
 _ADAPTIVE_MESHES = 5
 
@@ -78,6 +82,8 @@ def _mesh_size(spec: JobSpec) -> ProblemSize:
             return _spline_size(problem, length << level)
         case PiecewiseMethod():
             return _mission_size(problem, spec.method)
+        case GeneticMethod() as method:
+            return _genetic_size(problem, method)
         case AutoMethod():
             default = SplineWaveletMethod(name="swcm")
             return _spline_size(problem, default.L << default.J)
@@ -97,6 +103,22 @@ def _mission_size(problem: OptimalControlProblem, method: PiecewiseMethod) -> Pr
     rows += len(problem.path) * places + len(problem.boundary)
     prediction = _timed(ProblemSize(variables, rows, nodes, 0.0), 0.0)
     return replace(prediction, seconds=_START_SECONDS + plan.count * prediction.seconds)
+
+
+def _genetic_size(problem: OptimalControlProblem, method: GeneticMethod) -> ProblemSize:
+    """The size of the polish, and the genes alone without one; the time is that of all generations."""
+    basis = basis_of(method)
+    intervals = basis.units << basis.answer_level
+    n, nodes = len(problem.states), 2 * intervals + 1
+    genes = len(problem.controls) * basis.size
+    seconds = _EVALUATION * method.population * method.budget * n
+    if not method.polish:
+        return ProblemSize(genes, 0, nodes, seconds)
+    held = [*problem.control_bounds] * nodes + [*problem.initial_control, *problem.final_control]
+    rows = 2 * n * intervals + sum(bool(np.isfinite(interval).any()) for interval in held)
+    points = np.linspace(0.0, 1.0, nodes)
+    size = _timed(_size(problem, n * nodes + genes, rows, lambda: points, nodes), 0.0)
+    return replace(size, seconds=seconds + size.seconds)
 
 
 def _gauss_points(nodes: int, segments: int) -> Vector:

@@ -31,8 +31,9 @@ class Statistics:
     variables: int
     constraints: int
     iterations: int
-    nlp_status: str
+    nlp_status: str | None
     seconds: Mapping[str, float]
+    nlp_solver: str | None = "ipopt"
 
 
 @dataclass(frozen=True)
@@ -43,7 +44,7 @@ class Solution:
     problem: OptimalControlProblem
     trajectory: Trajectory
     costates: Vector
-    """(n, K) at the nodes of the trajectory, dJ*/dx of every state."""
+    """(n, K) at the nodes of the trajectory, dJ*/dx of every state; NaN where a method has none."""
     objective: float
     status: SolveStatus
     message: str
@@ -103,12 +104,12 @@ class Solution:
                 "variables": self.statistics.variables,
                 "constraints": self.statistics.constraints,
                 "iterations": self.statistics.iterations,
-                "nlp_solver": "ipopt",
+                "nlp_solver": self.statistics.nlp_solver,
                 "nlp_status": self.statistics.nlp_status,
                 "seconds": dict(self.statistics.seconds),
             },
             "resolved": self.spec.resolved().to_dict(),
-            "provenance": _provenance(),
+            "provenance": {**_provenance(), "seed": getattr(self.spec.method, "seed", None)},
             "constraints": list(self.constraints),
             "sensitivity": None,
             "convergence": list(self.convergence),
@@ -134,7 +135,6 @@ def _provenance() -> dict[str, Any]:
         | {"python": platform.python_version()},
         "linear_solver": "mumps",
         "platform": platform.platform(),
-        "seed": None,
     }
 
 

@@ -8,31 +8,27 @@ from dataclasses import replace
 from typing import Any
 
 from solvers.certificate import hamiltonian_drift
-from solvers.diagnosis import find_evaluation_fault
 from solvers.errors import DocumentError, Fault
 from solvers.first_answer import first_answers
+from solvers.genetic.solve import solve_by_genes
 from solvers.improve import first_method, improve, wants_more
+from solvers.judgement import judge, verified
 from solvers.meshes import meshes_of
 from solvers.model_report import model_report
 from solvers.optimizers.ipopt import Limits
 from solvers.piecewise.solve import solve_piecewise
 from solvers.problem import OptimalControlProblem
-from solvers.progress import Progress, ProgressReport, SilentProgress
+from solvers.progress import Progress, SilentProgress
 from solvers.refine.residual import mesh_error_estimate
 from solvers.report import constraint_margins
 from solvers.scaling import automatic_scaling
 from solvers.session import Session, Solved
 from solvers.solution import Solution, Statistics
-from solvers.spec import JobSpec, PiecewiseMethod
-from solvers.status import SolveStatus
+from solvers.spec import GeneticMethod, JobSpec, PiecewiseMethod
 from solvers.trajectory import Trajectory
-from solvers.verify import Tolerances, Verification, verify
 
 # The part of all work that a first answer is taken to be where more is asked for.
 _FIRST_SPAN = 0.5
-_VERIFY_SECONDS = 60.0
-_VERIFY_SECONDS_UNCONVERGED = 2.0
-_VERIFY_SECONDS_CANCELLED = 0.5
 
 
 def solve(
@@ -56,6 +52,10 @@ def solve(
     started = time.perf_counter()
     session = _session(spec, progress or SilentProgress(), min(spec.options.max_seconds, seconds))
     session.seconds["build"] = time.perf_counter() - started
+    if isinstance(spec.method, GeneticMethod):
+        solution = solve_by_genes(spec, session, spec.method, earlier)
+        session.seconds["total"] = time.perf_counter() - started
+        return solution
     problem, method = session.problem, first_method(spec.method)
     span = _FIRST_SPAN if wants_more(spec.method) else 1.0
     answers = first_answers(session, meshes_of(method), spec.options.starts, earlier, span)
@@ -63,12 +63,12 @@ def solve(
     solved = improved.solved
     costates = solved.transcription.costates(solved.trajectory, solved.outcome.row_multipliers)
     verification = replace(
-        _verify(session, spec, solved),
+        verified(session, spec, solved.trajectory, solved.outcome.status),
         hamiltonian_drift=hamiltonian_drift(solved.weighted_problem, solved.trajectory, costates),
         mesh_error_estimate=mesh_error_estimate(problem, solved.trajectory),
     )
     verification = improved.certified(problem, verification)
-    status, message = _judge(spec, session, solved, verification)
+    status, message = judge(spec, problem, solved.trajectory, solved.outcome.status, verification)
     session.seconds["total"] = time.perf_counter() - started
     return Solution(
         spec=spec,
@@ -116,37 +116,3 @@ def _start_report(answer: Solved, *, kept: bool) -> dict[str, Any]:
         "status": answer.outcome.status.value,
         "kept": kept,
     }
-
-
-def _verify(session: Session, spec: JobSpec, solved: Solved) -> Verification:
-    started = time.perf_counter()
-    session.progress.report(ProgressReport("verify", session.iterations, fraction=1.0))
-    patience = _VERIFY_SECONDS if solved.converged else _VERIFY_SECONDS_UNCONVERGED
-    if solved.outcome.status is SolveStatus.CANCELLED:
-        patience = _VERIFY_SECONDS_CANCELLED
-    tolerances = Tolerances(**spec.verification_tolerances())
-    verification = verify(session.problem, solved.trajectory, tolerances, time.monotonic() + patience)
-    session.convergence[-1]["max_state_error"] = verification.max_state_error
-    session.seconds["verify"] = time.perf_counter() - started
-    return verification
-
-
-def _judge(
-    spec: JobSpec, session: Session, solved: Solved, verification: Verification
-) -> tuple[SolveStatus, str]:
-    """The status of the result, and a message with what decided and what to try."""
-    status = solved.outcome.status
-    if status in (SolveStatus.EVALUATION_ERROR, SolveStatus.DIVERGED):
-        fault = find_evaluation_fault(spec.problem, session.problem, solved.trajectory)
-        if fault is not None:
-            status = SolveStatus.EVALUATION_ERROR
-            return status, f"{status.sentence} {fault.pointer}: {fault.detail}"
-    if status is SolveStatus.CONVERGED and not verification.passed:
-        status = SolveStatus.UNVERIFIED
-    details = [status.sentence]
-    if status is SolveStatus.UNVERIFIED:
-        failed = [check for check in verification.checks if not check.passed]
-        details += [f"{check.name} is {check.value}, the limit {check.limit}." for check in failed]
-    if verification.note:
-        details.append(verification.note)
-    return status, " ".join(details)

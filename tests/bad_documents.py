@@ -339,11 +339,48 @@ def _limits() -> Iterator[BadDocument]:
 
 def _unsupported() -> Iterator[BadDocument]:
     for name, pointer, value in (
-        ("genetic algorithm", "/method", {"name": "ga"}),
         ("scenarios", "/problem/scenarios", {"cases": [{"name": "soft", "parameters": {"k": 90}}]}),
     ):
-        where = f"{pointer}/name" if pointer == "/method" else pointer
-        yield BadDocument(f"unsupported: {name}", _json(changed(pointer, value)), where, "unsupported")
+        yield BadDocument(f"unsupported: {name}", _json(changed(pointer, value)), pointer, "unsupported")
+
+
+def _genetic() -> Iterator[BadDocument]:
+    for key, value, kind in (
+        ("wavelet", "db1", "invalid"),
+        ("wavelet", "haar", "invalid"),
+        ("wavelet", 2, "invalid"),
+        ("boundary", "wrapped", "invalid"),
+        ("scaling_functions", 0, "invalid"),
+        ("scaling_functions", 4.5, "invalid"),
+        ("scaling_functions", 5_000, "limit"),
+        ("wavelet_levels", 12, "limit"),
+        ("population", 1, "invalid"),
+        ("population", 10_001, "limit"),
+        ("generations", 0, "invalid"),
+        ("generations", 2_100_000, "limit"),
+        ("crossover_probability", 1.1, "limit"),
+        ("mutation_probability", -0.1, "invalid"),
+        ("mutation_sigma", -1, "invalid"),
+        ("mutation_sigma", None, "invalid"),
+        ("elite", 49, "invalid"),
+        ("penalty", -1, "invalid"),
+        ("seed", -1, "invalid"),
+        ("seed", 2**32, "limit"),
+        ("variant", "paper", "invalid"),
+        ("polish", True, "invalid"),
+        ("polish", 0, "invalid"),
+        ("polish", "collocation", "invalid"),
+        ("refine", "switching", "invalid"),
+        ("crossover", 0.9, "invalid"),
+    ):
+        document = _json(changed("/method", {"name": "ga", key: value}))
+        yield BadDocument(f"ga: {key} {value}", document, f"/method/{key}", kind)
+    for name, method, place in (
+        ("too few on the interval", {"scaling_functions": 2}, "scaling_functions"),
+        ("too smooth for the interval", {"wavelet": "db5", "scaling_functions": 20}, "wavelet"),
+    ):
+        document = _json(changed("/method", {"name": "ga", "boundary": "interval", **method}))
+        yield BadDocument(f"ga: {name}", document, f"/method/{place}")
 
 
 def _webhooks() -> Iterator[BadDocument]:
@@ -447,6 +484,7 @@ BAD_DOCUMENTS: tuple[BadDocument, ...] = (
     *_keys(),
     *_limits(),
     *_unsupported(),
+    *_genetic(),
     *_webhooks(),
     *_piecewise(),
     *_broken(),

@@ -36,6 +36,11 @@ ORDERS = range(2, 11)
 INTERVAL_ORDERS = range(2, 5)
 """Orders that there are on the interval: of higher ones too little is left of the translates at its ends."""
 
+# Dyadic intervals of an answer, and levels below the finest functions, at least: measured on the solar array,
+# optima are exact to 2e-8 then.
+_ANSWER_INTERVALS = 320
+_BELOW = 3
+
 
 @lru_cache
 def scaling_filter(order: int) -> Vector:
@@ -138,6 +143,18 @@ class DaubechiesBasis:
     def size(self) -> int:
         """The number of functions."""
         return sum(self.blocks.values())
+
+    @property
+    def answer_level(self) -> int:
+        """The level on which answers are tabulated."""
+        return self.level_for(_ANSWER_INTERVALS)
+
+    def level_for(self, intervals: int) -> int:
+        """The level with so many dyadic intervals at least, and some on the support of every function."""
+        level = self.levels + _BELOW
+        while self.units << level < intervals:
+            level += 1
+        return level
 
     def points(self, level: int) -> Vector:
         """The dyadic points tau = i / (units 2^level)."""

@@ -3,7 +3,7 @@
 Own tokenizer and Pratt parser; what is read is never handed to Python's ``eval`` or ``ast``.
 """
 
-from solvers.expressions.compose import combined, product, renamed, total
+from solvers.expressions.compose import combined, positive_part, product, renamed, total
 from solvers.expressions.expression import Code, Expression
 from solvers.expressions.parser import (
     MAX_CHARACTERS,
@@ -35,6 +35,7 @@ __all__ = [
     "combined",
     "did_you_mean",
     "parse",
+    "positive_part",
     "product",
     "quoted",
     "renamed",

@@ -29,6 +29,16 @@ def product(*factors: Expression) -> Expression:
     return reduce(lambda left, right: combined("*", left, right), factors) if factors else parse(1)
 
 
+def positive_part(expression: Expression) -> Expression:
+    """Return max(0, expression)."""
+    return Expression(
+        f"max(0, {expression.text})",
+        expression.positions,
+        expression.operations + 1,
+        ((Code.NUMBER, 0.0), *expression.program, (Code.PAIR, "max")),
+    )
+
+
 def renamed(expression: Expression, names: Mapping[str, str]) -> Expression:
     """Return the expression with names replaced; the text names the new ones behind the old text."""
     if not expression.names & names.keys():

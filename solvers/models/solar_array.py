@@ -32,20 +32,16 @@ _COSINES = {
 """cos(psi_k - psi_j) of each pair of bodies."""
 
 
-def _inertia(body: int) -> str:
-    """I_k as an expression."""
-    couplings = [
-        f"G{k}{j}*{'(' + cosine + ')' if cosine.startswith('-') else cosine}"
-        for (k, j), cosine in _COSINES.items()
-        if body in (k, j)
-    ]
-    return " + ".join([f"J{body}", f"G{body}{body}", *couplings])
-
-
-def _attitude_rate() -> str:
-    inertias = [_inertia(body) for body in (1, 2, 3, 4)]
-    outboard = [" + ".join(inertias[first:]) for first in range(4)]
-    return f"(({outboard[1]})*u1 - ({outboard[2]})*u2 + ({outboard[3]})*u3)/({outboard[0]})"
+def _definitions() -> dict[str, str]:
+    """The cosines, the equivalent inertias I1 to I4, and their sums from each panel outwards."""
+    cosines = {f"c{k}{j}": cosine for (k, j), cosine in _COSINES.items()}
+    inertias = {
+        f"I{body}": " + ".join(
+            [f"J{body} + G{body}{body}", *(f"G{k}{j}*c{k}{j}" for k, j in _COSINES if body in (k, j))]
+        )
+        for body in (1, 2, 3, 4)
+    }
+    return {**cosines, **inertias, "I34": "I3 + I4", "I234": "I2 + I34"}
 
 
 def _coupling(value: str, first: int, second: int) -> Parameter:
@@ -111,6 +107,7 @@ MODEL = LibraryModel(
         "kind": "first_order",
         "states": ["phi1", "th1", "th2", "th3"],
         "controls": ["u1", "u2", "u3"],
-        "dynamics": {"phi1": _attitude_rate(), "th1": "u1", "th2": "u2", "th3": "u3"},
+        "definitions": _definitions(),
+        "dynamics": {"phi1": "(I234*u1 - I34*u2 + I4*u3)/(I1 + I234)", "th1": "u1", "th2": "u2", "th3": "u3"},
     },
 )

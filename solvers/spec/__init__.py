@@ -6,16 +6,16 @@ expressions), and the functions below turn them into numbers and intervals.
 
 from solvers.spec.check import check_document, job_schema
 from solvers.spec.document import parse_document
+from solvers.spec.genetic import GeneticMethod
 from solvers.spec.job import JobSpec, Options, Output, Verification
+from solvers.spec.method_model import Adaptivity, SplineAdaptivity
 from solvers.spec.methods import (
     METHODS,
-    Adaptivity,
     AutoMethod,
     GaussPseudospectralMethod,
     HermiteSimpsonMethod,
     Method,
     PiecewiseMethod,
-    SplineAdaptivity,
     SplineWaveletMethod,
 )
 from solvers.spec.models import (
@@ -52,6 +52,7 @@ __all__ = [
     "DesignSpec",
     "FirstOrderModel",
     "GaussPseudospectralMethod",
+    "GeneticMethod",
     "Guess",
     "HermiteSimpsonMethod",
     "Interval",

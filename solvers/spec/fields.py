@@ -101,16 +101,19 @@ class Text(Check):
 
 @dataclass(frozen=True)
 class Real(Check):
-    """A number, or a constant expression that is replaced by its value; greater than ``above``."""
+    """A number, or a constant expression that is replaced by its value; ``above`` is exclusive."""
 
     above: float | None = None
     limit: float | None = None
     unit: str = ""
+    least: float | None = None
 
     def check(self, value: Any, scope: Scope) -> float | None:
         """Return the number."""
         flaws = Flaws()
         number = check_constant(value, scope, flaws)
+        if number is not None and self.least is not None and number < self.least:
+            flaws.add(f"must be at least {self.least:g}, not {number:g}")
         if number is not None and self.above is not None and number <= self.above:
             flaws.add(f"must be greater than {self.above:g}, not {number:g}")
         if number is not None and self.limit is not None and number > self.limit:
@@ -123,6 +126,8 @@ class Real(Check):
         number: dict[str, Any] = {"type": "number"}
         if self.above is not None:
             number["exclusiveMinimum"] = self.above
+        if self.least is not None:
+            number["minimum"] = self.least
         if self.limit is not None:
             number["maximum"] = self.limit
         return {"anyOf": [number, VALUE_SCHEMA["anyOf"][1]]}
@@ -155,22 +160,31 @@ class Count(Check):
 
 @dataclass(frozen=True)
 class Choice(Check):
-    """One of some words."""
+    """One of some words, or one of the other values that stand beside them: ``None``, ``False``."""
 
     words: tuple[str, ...]
+    others: tuple[bool | None, ...] = ()
 
-    def check(self, value: Any, scope: Scope) -> str:
+    def check(self, value: Any, scope: Scope) -> str | bool | None:
         """Return the word."""
-        choice = "one of " + ", ".join(f"'{word}'" for word in self.words)
+        if isinstance(value, str) and value in self.words:
+            return value
+        if any(value is other for other in self.others):
+            return None if value is None else bool(value)
+        choice = ", ".join(f"'{word}'" for word in self.words)
+        others = "".join(f" or {_WRITTEN[other]}" for other in self.others)
+        choice = f"{choice}{others}" if others else f"one of {choice}"
         if not isinstance(value, str):
             raise refuse(f"must be {choice}, not {kind_of(value)}")
-        if value not in self.words:
-            raise refuse(f"must be {choice}, not {quoted(value)}{scope.suggest(value, self.words)}")
-        return value
+        raise refuse(f"must be {choice}, not {quoted(value)}{scope.suggest(value, self.words)}")
 
     def schema(self) -> dict[str, Any]:
-        """The words."""
-        return {"type": "string", "enum": list(self.words)}
+        """The values."""
+        words: dict[str, Any] = {"enum": [*self.words, *self.others]}
+        return words if self.others else {"type": "string", **words}
+
+
+_WRITTEN = {None: "null", False: "false", True: "true"}
 
 
 @dataclass(frozen=True)

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, ClassVar, Literal, Self
+from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
 
-from solvers.expressions import quoted
-from solvers.spec.base import SpecModel
-from solvers.spec.faults import kind_of, refuse
-from solvers.spec.fields import Check, Choice, Count, Real
+from solvers.spec.faults import refuse
+from solvers.spec.fields import Choice, Count, Real
+from solvers.spec.genetic import GeneticMethod
+from solvers.spec.method_model import Adaptivity, MethodModel, Refine, SplineAdaptivity
 from solvers.spec.piecewise import (
     MAX_SEGMENT_NODES,
     MAX_SEGMENTS,
@@ -21,81 +21,10 @@ from solvers.spec.piecewise import (
     Stop,
     Tracking,
 )
-from solvers.spec.scope import Scope
 from solvers.spec.values import Value
 
 MAX_NODES = 65_539
 MAX_GAUSS_NODES = 8_192
-
-MESH_TOLERANCE = 1e-2
-"""Verification tolerance of a mesh that is given, relative to each quantity's scale."""
-
-REFINED_TOLERANCE = 1e-6
-"""Verification tolerance of an answer that is refined."""
-
-
-class RefineCheck(Check):
-    """How an answer is refined: ``switching``, or not at all."""
-
-    def check(self, value: Any, scope: Scope) -> str | None:
-        """Return the word."""
-        if value is None:
-            return None
-        if value == "switching":
-            return "switching"
-        if not isinstance(value, str):
-            raise refuse(f"must be 'switching' or null, not {kind_of(value)}")
-        hint = scope.suggest(value, ["switching"])
-        raise refuse(f"must be 'switching' or null, not {quoted(value)}{hint}")
-
-    def schema(self) -> dict[str, Any]:
-        """One word, or null."""
-        return {"enum": ["switching", None]}
-
-
-class Adaptivity(SpecModel):
-    """A mesh that is refined until the error is within the tolerance."""
-
-    tolerance: Annotated[float, Real(above=0, limit=1)] = 1e-8
-    """Error to be reached, relative to each quantity's scale; also the verification tolerance."""
-
-
-class SplineAdaptivity(Adaptivity):
-    """A set of active wavelets that follows the error."""
-
-    tolerance: Annotated[float, Real(above=0, limit=1)] = 1e-6
-    """Error to be reached, relative to each quantity's scale; also the verification tolerance."""
-    max_level: Annotated[int, Count(0, 20, "levels")] = 10
-    """Highest level of a wavelet: the finest step is that of 2^max_level L intervals."""
-
-
-Refine = Annotated[Literal["switching"] | None, RefineCheck()]
-
-
-class MethodModel(SpecModel):
-    """What all methods have in common."""
-
-    title: ClassVar[str]
-
-    @property
-    def verification_tolerance(self) -> float:
-        """Verification tolerance unless a document gives one, relative to each quantity's scale."""
-        adaptivity = self.adaptivity
-        if adaptivity is not None:
-            return adaptivity.tolerance
-        return MESH_TOLERANCE if self.refinement is None else REFINED_TOLERANCE
-
-    @property
-    def adaptivity(self) -> Adaptivity | None:
-        """How the mesh adapts; None for a mesh that is given."""
-        found: Adaptivity | None = getattr(self, "adaptive", None)
-        return found
-
-    @property
-    def refinement(self) -> str | None:
-        """How the answer is refined; None for methods that do not know how."""
-        word: str | None = getattr(self, "refine", None)
-        return word
 
 
 class AutoMethod(MethodModel):
@@ -216,13 +145,21 @@ class PiecewiseMethod(MethodModel):
     """What is flown; null flies the problem's own model."""
 
 
-Method = AutoMethod | SplineWaveletMethod | GaussPseudospectralMethod | HermiteSimpsonMethod | PiecewiseMethod
+Method = (
+    AutoMethod
+    | SplineWaveletMethod
+    | GaussPseudospectralMethod
+    | HermiteSimpsonMethod
+    | GeneticMethod
+    | PiecewiseMethod
+)
 
 METHODS: dict[str, type[Method]] = {
     "auto": AutoMethod,
     "swcm": SplineWaveletMethod,
     "gpm": GaussPseudospectralMethod,
     "hermite_simpson": HermiteSimpsonMethod,
+    "ga": GeneticMethod,
     "piecewise": PiecewiseMethod,
 }
 """Every method of this version by name."""

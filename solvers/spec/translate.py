@@ -14,7 +14,8 @@ from solvers.expressions import quoted
 from solvers.spec.base import SpecModel
 from solvers.spec.faults import MAX_FAULTS, Flaw, Flaws, Path, kind_of, pointer
 from solvers.spec.job import JobSpec, Options, Output, Verification
-from solvers.spec.methods import METHODS, SplineAdaptivity
+from solvers.spec.method_model import SplineAdaptivity
+from solvers.spec.methods import METHODS
 from solvers.spec.modal import Mode
 from solvers.spec.models import FirstOrderModel, LibraryReference, MechanicalModel, ModalModel
 from solvers.spec.piecewise import Segments, Stop, Tracking
@@ -61,7 +62,6 @@ _OBJECTS: dict[str, type[SpecModel]] = {
     "stop": Stop,
     "tracking": Tracking,
 }
-_LATER = {"ga"}
 
 
 def translate(error: ValidationError, scope: Scope) -> Iterator[Fault]:
@@ -119,8 +119,6 @@ def _tag_flaw(loc: Path, value: Any, scope: Scope) -> Flaw:
     if not isinstance(tag, str):
         return place, f"must be {choice}, not {kind_of(tag)}", "invalid"
     what = "method" if key == "name" else "kind of model"
-    if tag in _LATER:
-        return place, f"unsupported: the {what} '{tag}' is not in this version; {choice}", "unsupported"
     return place, f"unknown {what} {quoted(tag)}{scope.suggest(tag, known)}; must be {choice}", "invalid"
 
 

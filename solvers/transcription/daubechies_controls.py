@@ -82,6 +82,9 @@ class DaubechiesControls(HermiteSimpson):
         for j, rows in enumerate(self.control_rows()):
             self.builder.hold(self, rows, _bounds_of_control(j), scale=self.scaling.controls[j])
 
+    def straighten_rates(self) -> None:
+        """Nothing: the basis decides how a rate runs between the nodes."""
+
     def control_curves(self, unknowns: Vector) -> Sequence[DaubechiesCurve]:
         """See :class:`HermiteSimpson`."""
         return [
@@ -94,6 +97,7 @@ class DaubechiesControls(HermiteSimpson):
         return describe_daubechies(self.basis, self.level)
 
     def add_running_cost(self) -> None:
+        """See :class:`Assembly`; from the coefficients where that is exact."""
         """Energies from the coefficients, other costs by the quadrature of the nodes."""
         running = self.problem.running_cost
         if running is not None and self._is_quadratic(running):
@@ -104,7 +108,8 @@ class DaubechiesControls(HermiteSimpson):
     def _is_quadratic(self, cost: Expression) -> bool:
         """Whether a cost is a polynomial of second degree in the controls and names nothing else."""
         problem = self.problem
-        if not cost.names <= {*problem.controls, *problem.parameters}:
+        fixed_names = problem.parameters.keys() - {item.name for item in problem.design}
+        if not cost.names <= {*problem.controls, *fixed_names}:
             return False
         u, p = ca.SX.sym("u", len(problem.controls)), ca.SX.sym("p", len(problem.parameters))
         value = ca.SX(cost.evaluate(self._scope(u, p), CASADI.functions))

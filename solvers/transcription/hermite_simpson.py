@@ -103,9 +103,9 @@ class HermiteSimpson(Transcription):
         rates = sparse.csr_array(sparse.vstack([hermite_rates, -self._simpson()], format="csr")[order])
         states = [self.builder.rows_of(block, differences) for block in self.builder.blocks["states"]]
         self.add_defects(states, self.apply_rate(self.nodes()), rates)
-        self._straighten_rates()
+        self.straighten_rates()
 
-    def _straighten_rates(self) -> None:
+    def straighten_rates(self) -> None:
         """Let rates of controls be linear on each interval, so that their bounds hold inside too."""
         ones = np.ones(self.knots.size - 1)
         middles = self._triples(-0.5 * ones, ones, -0.5 * ones)

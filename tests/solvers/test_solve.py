@@ -21,6 +21,7 @@ METHODS = [
     {"name": "gpm", "nodes": 8, "segments": 3},
     {"name": "hermite_simpson", "intervals": 10},
 ]
+GENETIC = {"name": "ga", "scaling_functions": 6, "population": 8, "generations": 3}
 
 
 class Recorder:
@@ -83,7 +84,7 @@ def test_what_cannot_be_reached_is_infeasible(flexible_spacecraft: dict[str, Any
     assert "No feasible point was found" in solution.message
 
 
-@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("method", [*METHODS, GENETIC])
 def test_an_expression_without_a_value_is_named(regulator: dict[str, Any], method: dict[str, Any]) -> None:
     regulator["problem"]["model"]["dynamics"]["x"] = "u + sqrt(x - 2)"
     solution = solve(check_document({**regulator, "method": method}))

@@ -335,7 +335,6 @@ def test_too_many_states_and_controls() -> None:
 
 
 UNSUPPORTED: list[tuple[dict[str, Any], str]] = [
-    ({"/method": {"name": "ga", "population": 48}}, "/method/name"),
     (
         {"/problem/initial_control": {"T": 0}, "/method/refine": "switching"},
         "/problem/initial_control/T",

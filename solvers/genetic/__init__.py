@@ -1,0 +1,1 @@
+"""The genetic algorithm on a wavelet parametrisation of the controls."""

@@ -1,0 +1,240 @@
+"""Solve a document by the genetic algorithm: search, polish, collocation, verification, judgement."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from solvers.certificate import hamiltonian_drift
+from solvers.first_answer import first_answers
+from solvers.genetic.answer import Simulation, end_error, fly, polish, scale_of
+from solvers.genetic.penalties import with_free_end
+from solvers.genetic.search import Search
+from solvers.guess import WarmStart
+from solvers.improve import Improved, first_method, improve
+from solvers.judgement import judge, verified
+from solvers.meshes import meshes_of
+from solvers.model_report import model_report
+from solvers.refine.residual import mesh_error_estimate
+from solvers.report import constraint_margins
+from solvers.session import Session
+from solvers.solution import Solution, Statistics
+from solvers.spec import AutoMethod, GeneticMethod, JobSpec
+from solvers.status import SolveStatus
+from solvers.switching import find_switching
+from solvers.trajectory import Trajectory
+from solvers.verify import Check, Verification
+
+Vector = NDArray[np.float64]
+
+# The parts of all work that are done after the search and after the polish where more follows.
+_SEARCHED, _POLISHED = 0.8, 0.9
+# The part of the time there is after which a search makes room for the polish.
+_SEARCH_TIME = 0.7
+_SENTENCES = {
+    SolveStatus.CONVERGED: (
+        "The search has ended and its own simulation is confirmed. End conditions are penalised, not met: "
+        "see residual."
+    ),
+    SolveStatus.UNVERIFIED: (
+        "The search has ended, but its answer is outside the verification tolerance. Let it be polished "
+        "(method.polish), raise the penalty, or give it more generations."
+    ),
+}
+
+
+@dataclass(frozen=True)
+class _Answer:
+    """What was reached by whatever came last: the search itself, or gradients after it."""
+
+    trajectory: Trajectory
+    objective: float
+    integrals: Mapping[str, float]
+    status: SolveStatus
+    improved: Improved | None = None
+    costates: Vector | None = None
+    """Known where gradients had the last word."""
+
+
+def solve_by_genes(
+    spec: JobSpec, session: Session, method: GeneticMethod, earlier: Trajectory | None
+) -> Solution:
+    """Solve a checked document whose method is genetic, and verify the answer.
+
+    Raises what the progress of the session raises.
+    """
+    problem = session.problem
+    search = _searched(session, method, earlier)
+    simulation = fly(search.model, search.best)
+    session.convergence.append(
+        {
+            "level": 0,
+            "nodes": int(simulation.trajectory.nodes.size),
+            "objective": simulation.objective,
+            "max_state_error": None,
+        }
+    )
+    answer = _finished(session, method, search, simulation)
+    trajectory, improved = answer.trajectory, answer.improved
+    residual = end_error(problem, trajectory, answer.integrals)
+    verification = _verified(spec, session, answer, residual)
+    sentences = _SENTENCES if method.ends_are_soft else {}
+    status, message = judge(spec, problem, trajectory, answer.status, verification, sentences)
+    warnings = [*_warnings(search, answer), *([] if improved is None else improved.warnings)]
+    return Solution(
+        spec=spec,
+        problem=problem,
+        trajectory=trajectory,
+        costates=_no_costates(trajectory) if answer.costates is None else answer.costates,
+        objective=answer.objective,
+        status=status,
+        message=" ".join([message, *(item["detail"] for item in warnings)]),
+        method={**method.model_dump(exclude_none=True), **_summary(method, improved)},
+        verification=verification,
+        model_report=model_report(problem, trajectory),
+        integrals=answer.integrals,
+        switching=find_switching(problem, trajectory) if improved is None else improved.switching(problem),
+        constraints=constraint_margins(problem, trajectory),
+        convergence=session.convergence,
+        starts=_runs(search),
+        warnings=warnings,
+        statistics=_statistics(session, search, improved),
+        extras={
+            "energy": answer.objective,
+            "penalty": method.penalty,
+            "residual": residual,
+            "fitness_history": search.history.values,
+        },
+    )
+
+
+def _searched(session: Session, method: GeneticMethod, earlier: Trajectory | None) -> Search:
+    """A search that has come to its end; where more follows, it leaves time for that."""
+    problem, guess = session.problem, session.problem.guess
+    start = guess if earlier is None else WarmStart(earlier, guess, problem.states, problem.controls)
+    started, now = time.perf_counter(), time.monotonic()
+    left = session.limits.deadline - now
+    search = (
+        Search(session, method, start, now + _SEARCH_TIME * left, _SEARCHED)
+        if method.goes_on
+        else Search(session, method, start, now + left, 1.0)
+    )
+    search.run()
+    session.iterations += search.history.generations
+    session.seconds["solve"] += time.perf_counter() - started
+    return search
+
+
+def _finished(session: Session, method: GeneticMethod, search: Search, simulation: Simulation) -> _Answer:
+    """The answer after everything that the method asks for; less where it is stopped or fails before."""
+    status = session.stop if search.stopped is not None else None
+    if status is None:
+        status = SolveStatus.CONVERGED if search.stopped is None or method.goes_on else search.stopped
+    if not np.isfinite(search.best.fitness):
+        status = status if search.stopped is not None else SolveStatus.EVALUATION_ERROR
+    answer = _Answer(simulation.trajectory, simulation.objective, simulation.integrals, status)
+    if method.polish and answer.status is SolveStatus.CONVERGED:
+        end = 1.0 if method.refine is None else _POLISHED
+        residual = end_error(session.problem, answer.trajectory, answer.integrals)
+        share = _SEARCHED, end
+        solved = polish(session, method, search.best, answer.trajectory, residual, share)
+        answer = _reached(Improved(solved))
+        if method.polish == "penalty":
+            residual = end_error(session.problem, answer.trajectory, answer.integrals)
+            answer = replace(answer, objective=answer.objective - method.penalty * residual**2)
+    if method.refine is not None and answer.status is SolveStatus.CONVERGED:
+        auto = AutoMethod(name="auto")
+        meshes = meshes_of(first_method(auto))
+        first = first_answers(session, meshes, 1, answer.trajectory, _POLISHED)[0]
+        answer = _reached(improve(session, auto, first, _POLISHED))
+    return answer
+
+
+def _reached(improved: Improved) -> _Answer:
+    solved = improved.solved
+    return _Answer(
+        solved.trajectory,
+        solved.objective,
+        solved.transcription.integrals(solved.outcome.unknowns),
+        solved.outcome.status,
+        improved,
+        solved.transcription.costates(solved.trajectory, solved.outcome.row_multipliers),
+    )
+
+
+def _verified(spec: JobSpec, session: Session, answer: _Answer, residual: float) -> Verification:
+    """The verification; soft ends are no conditions of the flight, but their error has a limit of its own."""
+    problem, method = session.problem, spec.method
+    assert isinstance(method, GeneticMethod)
+    if not method.ends_are_soft:
+        verification = verified(session, spec, answer.trajectory, answer.status)
+    else:
+        verification = verified(session, spec, answer.trajectory, answer.status, with_free_end(problem))
+        limit = verification.tolerances.terminal_error
+        check = Check(
+            "residual", residual / scale_of(answer.trajectory) if np.isfinite(residual) else None, limit
+        )
+        verification = replace(verification, checks=(check, *verification.checks))
+    if answer.improved is None or answer.costates is None:
+        return verification
+    estimate = mesh_error_estimate(problem, answer.trajectory)
+    verification = replace(verification, mesh_error_estimate=estimate)
+    if method.refine is None:  # a control that is held in a basis does not minimise the Hamiltonian
+        return verification
+    weighted = answer.improved.solved.weighted_problem
+    drift = hamiltonian_drift(weighted, answer.trajectory, answer.costates)
+    return answer.improved.certified(problem, replace(verification, hamiltonian_drift=drift))
+
+
+def _no_costates(trajectory: Trajectory) -> Vector:
+    return np.full((len(trajectory.states), trajectory.nodes.size), np.nan)
+
+
+def _summary(method: GeneticMethod, improved: Improved | None) -> dict[str, Any]:
+    """What collocation did."""
+    if method.refine is None or improved is None:
+        return {}
+    return {"collocation": {**AutoMethod(name="auto").model_dump(), **improved.summary}}
+
+
+def _warnings(search: Search, answer: _Answer) -> list[dict[str, str]]:
+    if search.stopped is None or answer.improved is None:
+        return []
+    spent = search.history.generations
+    detail = f"The search was cut short after {spent} generations to leave time for the polish."
+    return [{"code": "search_cut_short", "pointer": "/options/max_seconds", "detail": detail}]
+
+
+def _runs(search: Search) -> list[dict[str, Any]]:
+    best = search.best
+    reports = []
+    for run in search.runs:
+        found = search.judged(run)
+        reports.append(
+            {
+                "objective": float(found.objective[0]),
+                "final_time": float(run.genome.read(run.genes[None, :]).tf[0]),
+                "status": SolveStatus.CONVERGED.value,
+                "kept": run is best,
+            }
+        )
+    if search.stopped is not None:
+        reports[-1]["status"] = search.stopped.value
+    return reports
+
+
+def _statistics(session: Session, search: Search, improved: Improved | None) -> Statistics:
+    if improved is None:
+        return Statistics(
+            search.best.genome.size, 0, session.iterations, None, session.seconds, nlp_solver=None
+        )
+    solved = improved.solved
+    builder = solved.transcription.builder
+    return Statistics(
+        builder.size, builder.row_count, session.iterations, solved.outcome.solver_status, session.seconds
+    )
