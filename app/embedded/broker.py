@@ -9,6 +9,7 @@ import tempfile
 import time
 from collections.abc import Callable
 from pathlib import Path
+from typing import Literal
 from urllib.parse import quote
 
 from app.embedded.binary import ServerBinary
@@ -16,6 +17,8 @@ from app.embedded.errors import ServiceStartError
 
 # sun_path holds 104 bytes on macOS and 108 on Linux, the closing NUL included.
 LONGEST_SOCKET_PATH = 103
+
+Fsync = Literal["everysec", "always"]
 
 
 class DataDirectory:
@@ -66,11 +69,13 @@ class EmbeddedBroker:
     """A server with an append-only file in the data folder, reached through a private unix socket only.
 
     The files of one server are not read by an older one or by the other flavour, so the folder remembers
-    who wrote it; ``ServiceStartError`` is raised rather than starting empty or not at all.
+    who wrote it; ``ServiceStartError`` is raised rather than starting empty or not at all. ``fsync``: when
+    what is written is forced to the disk (docs/durability.md).
     """
 
-    def __init__(self, binary: ServerBinary, data: DataDirectory) -> None:
+    def __init__(self, binary: ServerBinary, data: DataDirectory, fsync: Fsync = "everysec") -> None:
         self.binary = binary
+        self._fsync = fsync
         self.folder = data.path / "broker"
         self.folder.mkdir(exist_ok=True)
         self.folder.chmod(0o700)
@@ -110,7 +115,7 @@ class EmbeddedBroker:
 
     @property
     def command(self) -> list[str]:
-        """The server's command line: no TCP, on disk every second, no eviction (a full broker says so)."""
+        """The server's command line: no TCP, every change on disk, no eviction (a full broker says so)."""
         options = {
             "port": "0",
             "unixsocket": str(self.socket),
@@ -118,7 +123,7 @@ class EmbeddedBroker:
             "dir": str(self.folder),
             "logfile": str(self.log),
             "appendonly": "yes",
-            "appendfsync": "everysec",
+            "appendfsync": self._fsync,
             "save": "",
             "maxmemory-policy": "noeviction",
             "daemonize": "no",

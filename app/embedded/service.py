@@ -14,7 +14,7 @@ from types import TracebackType
 from typing import IO, Self
 
 from app.embedded.binary import find_server
-from app.embedded.broker import DataDirectory, EmbeddedBroker
+from app.embedded.broker import DataDirectory, EmbeddedBroker, Fsync
 from app.embedded.errors import ServiceStartError
 from app.embedded.supervisor import ChildSpec, Supervisor
 from solvers.errors import OndeletteError
@@ -42,6 +42,7 @@ class ServiceOptions:
     broker: str | None = None
     binary: str | None = None
     keys_needed: bool = False
+    fsync: Fsync = "everysec"
     output: IO[bytes] | None = None
 
 
@@ -147,7 +148,7 @@ class EmbeddedService:
         binary = find_server(self._options.binary)
         data = DataDirectory(self._options.data)
         undo.callback(data.close)
-        broker = EmbeddedBroker(binary, data)
+        broker = EmbeddedBroker(binary, data, self._options.fsync)
         undo.callback(broker.remove_socket)
         self._supervisor = Supervisor(self._say, self._options.output, held=(data.lock,))
         undo.callback(self._supervisor.stop)

@@ -113,6 +113,13 @@ def test_the_broker_keeps_its_data_and_is_reached_by_nobody_else(tmp_path: Path)
         assert client.get("job") == b"kept"
 
 
+def test_every_change_may_be_forced_to_the_disk_before_it_is_answered(tmp_path: Path) -> None:
+    data = DataDirectory(tmp_path / "data")
+    command = EmbeddedBroker(find_server(), data, "always").command
+    data.close()
+    assert command[command.index("--appendfsync") + 1] == "always"
+
+
 def test_a_deep_data_folder_gets_a_short_private_socket(tmp_path: Path) -> None:
     deep = tmp_path / ("deep folder/" * 8)
     with running(deep) as (broker, client):
