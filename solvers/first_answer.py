@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from solvers.guess import Start, WarmStart
 from solvers.meshes import Mesh
+from solvers.minimum_energy import minimum_energy_start
 from solvers.session import Session, Solved
 from solvers.starts import several_starts
 from solvers.trajectory import Trajectory
@@ -41,13 +42,20 @@ def _from_earlier(
 def _from_starts(session: Session, meshes: Sequence[Mesh], count: int, span: float) -> list[Solved]:
     """An answer from each start, ``span`` of all work; fewer if somebody or the clock asks to stop."""
     answers: list[Solved] = []
-    for index, start in enumerate(several_starts(session.problem, session.scaling, count)):
+    for index, start in enumerate(_starts(session, count)):
         stage = "solve" if count == 1 else f"start {index + 1} of {count}"
         share = span * index / count, span * (index + 1) / count
         answers.append(_continue(session, meshes, start, stage, share))
         if answers[-1].stopped:
             break
     return answers
+
+
+def _starts(session: Session, count: int) -> Iterator[Start]:
+    """The guess, or what obeys the model between its ends, then the starts beside it."""
+    first, *others = several_starts(session.problem, session.scaling, count)
+    yield minimum_energy_start(session) or first
+    yield from others
 
 
 def _rank(answer: Solved) -> tuple[bool, float]:

@@ -110,16 +110,18 @@ class ControlledModel:
         if not np.isfinite(rate(0.0, start.ravel())).all():
             raise FlightError("the model has no finite rate at the start of an arc")
         # solve_ivp weighs errors by their mean square over all arcs: ask for more, so none is left behind.
-        solution = solve_ivp(
-            rate,
-            (0.0, 1.0),
-            start.ravel(),
-            method="DOP853",
-            t_eval=INSIDE,
-            first_step=_FIRST_STEP,
-            rtol=max(RTOL / np.sqrt(count), _SMALLEST_RTOL),
-            atol=np.repeat(np.append(self._scale, np.ones(extra)) * RTOL / 10.0, count),
-        )
+        # A trial step may leave what a model has numbers for; it is taken back.
+        with np.errstate(over="ignore", invalid="ignore"):
+            solution = solve_ivp(
+                rate,
+                (0.0, 1.0),
+                start.ravel(),
+                method="DOP853",
+                t_eval=INSIDE,
+                first_step=_FIRST_STEP,
+                rtol=max(RTOL / np.sqrt(count), _SMALLEST_RTOL),
+                atol=np.repeat(np.append(self._scale, np.ones(extra)) * RTOL / 10.0, count),
+            )
         if not solution.success:
             raise FlightError(f"the integration stopped: {solution.message}")
         values = solution.y.reshape(n + extra, count, INSIDE.size)

@@ -87,7 +87,7 @@ class Guess:
     """States and controls as piecewise linear functions of normalised time tau in [0, 1].
 
     ``states`` and ``controls`` hold a pair (tau, values) for each name in order. Design parameters start from
-    the guesses that the problem has of them.
+    the guesses that the problem has of them. ``default``: the document says nothing of states and controls.
     """
 
     t0: float
@@ -95,6 +95,7 @@ class Guess:
     states: tuple[tuple[Vector, Vector], ...]
     controls: tuple[tuple[Vector, Vector], ...]
     design: Mapping[str, float] = field(default_factory=dict)
+    default: bool = False
 
     def with_rates(self, index: Sequence[int]) -> Guess:
         """The guess in which these controls are the last states, and their slopes stand in their places."""
@@ -155,6 +156,7 @@ def make_guess(
             for j, name in enumerate(controls)
         ),
         design,
+        default=not spec.states and not spec.controls and spec.from_result is None,
     )
 
 

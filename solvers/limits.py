@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,6 +29,13 @@ class Limit:
     upper: bool
     state: int | None = None
     path: int | None = None
+
+    def of(self, problem: OptimalControlProblem) -> Limit:
+        """The same limit of a problem that differs in numbers only."""
+        if self.path is not None:
+            return replace(self, level=problem.path[self.path].interval[self.upper])
+        assert self.state is not None
+        return replace(self, level=problem.state_bounds[self.state][self.upper])
 
     def room(self, problem: OptimalControlProblem, trajectory: Trajectory, tau: Vector) -> Vector:
         """How far the trajectory stays inside the limit at K normalised times; negative outside."""

@@ -208,6 +208,8 @@ class OptimalControlProblem:
 
     def integrals_along(self, start: Start) -> Vector:
         """The integrals along a start, roughly: where their unknowns begin; 0 where they are not finite."""
+        if not self.integrals:
+            return np.empty(0)
         tau = np.linspace(0.0, 1.0, _ROUGH_SAMPLES)
         t = start.t0 + (start.tf - start.t0) * tau
         parameters = {**self.parameters, **start.design}

@@ -48,6 +48,12 @@ class PlaceFunction:
         """K, the number of places."""
         return int(self.numbers.shape[1])
 
+    def values(self, unknowns: Vector) -> Vector:
+        """vec(F(E w; P)), (K n_y,), for the unknowns w."""
+        local = (self.gather @ unknowns).reshape(self.places, -1).T
+        found: Vector = self.function.map(self.places)(local, self.numbers).full().ravel(order="F")
+        return found
+
 
 @dataclass(frozen=True)
 class NonlinearProgram:
@@ -76,6 +82,15 @@ class NonlinearProgram:
     def numbers(self) -> Vector:
         """All P_g as one vector, column after column: the parameter of the compiled program."""
         return np.concatenate([group.numbers.ravel(order="F") for group in self.groups])
+
+    def values(self, unknowns: Vector) -> tuple[float, Vector]:
+        """J(w) and c(w) for the unknowns w, without compiling anything."""
+        objective, rows = float(self.linear_cost @ unknowns), self.linear @ unknowns
+        for group in self.groups:
+            values = group.values(unknowns)
+            objective += float(group.cost @ values)
+            rows = rows + group.scatter @ values
+        return objective, rows
 
     def scaled(self, variables: Vector, rows: Vector, objective: float) -> NonlinearProgram:
         """The same program in unknowns w / ``variables``, rows c * ``rows`` and cost J * ``objective``.

@@ -14,6 +14,10 @@ from solvers.quantities import Interval
 Vector = NDArray[np.float64]
 
 
+# Below this a scale that comes from the ends is not believed.
+_SMALL = 1.0 / 8.0
+
+
 @dataclass(frozen=True)
 class Scaling:
     """Positive magnitudes of each state, control, design parameter and integral, of time and objective.
@@ -46,21 +50,22 @@ class Scaling:
 def automatic_scaling(problem: OptimalControlProblem) -> Scaling:
     """Take each magnitude from two-sided bounds, else from ends and guess; 1 where all of these are zero.
 
+    Small ends say little of how far a state moves between them: such a state gets what the model can move it
+    in the time of the guess, up to 1.
+
     Powers of two: they add no rounding, and problems that differ a little are scaled alike.
     """
     tau = np.linspace(0.0, 1.0, 33)
     states, controls = problem.guess.states_at(tau), problem.guess.controls_at(tau)
-    scales = np.array(
-        [
-            _typical(bounds, [*problem.initial_state[i], *problem.final_state[i], *states[i]])
-            for i, bounds in enumerate(problem.state_bounds)
-        ]
+    ends = zip(problem.state_bounds, problem.initial_state, problem.final_state, states, strict=True)
+    given = np.array([_typical(bounds, [*first, *last, *row]) for bounds, first, last, row in ends])
+    control_scales = np.array(
+        [_typical(bounds, row) for bounds, row in zip(problem.control_bounds, controls, strict=True)]
     )
+    scales = _within_reach(problem, given, control_scales)
     return Scaling(
         states=scales,
-        controls=np.array(
-            [_typical(bounds, row) for bounds, row in zip(problem.control_bounds, controls, strict=True)]
-        ),
+        controls=control_scales,
         time=nearest_power_of_two(max(abs(problem.guess.t0), abs(problem.guess.tf))),
         objective=1.0,
         design=np.array([_typical(item.interval, [item.guess]) for item in problem.design]),
@@ -91,6 +96,34 @@ def _typical(bounds: Interval, values: ArrayLike) -> float:
         return magnitude(bounds)
     sizes = np.abs(values)
     return nearest_power_of_two(float(np.max(sizes, where=np.isfinite(sizes), initial=0.0)))
+
+
+def _within_reach(problem: OptimalControlProblem, scales: Vector, controls: Vector) -> Vector:
+    """Raise small scales of states without two-sided bounds to what the model can move them, up to 1."""
+    bounded = np.isfinite(problem.state_bounds).all(axis=1)
+    unsure = (scales < _SMALL) & ~bounded
+    if not unsure.any():
+        return scales
+    guess, tau = problem.guess, np.array([0.0, 0.5, 1.0])
+    states = np.tile(guess.states_at(tau), 2)
+    bounds = np.array(problem.control_bounds, np.float64).reshape(-1, 2)
+    middle = guess.controls_at(tau)
+    extremes = np.hstack(
+        [
+            np.where(np.isfinite(side[:, None]), side[:, None], middle + sign * controls[:, None])
+            for side, sign in ((bounds[:, 0], -1.0), (bounds[:, 1], 1.0))
+        ]
+    )
+    times = np.tile(guess.t0 + (guess.tf - guess.t0) * tau, 2)
+    parameters = {**problem.parameters, **guess.design}
+    # Twice: what a velocity can reach moves a position.
+    for shift in (0.0, 1.0):
+        with np.errstate(all="ignore"):
+            rates = problem.rate(states + shift * scales[:, None], extremes, times, parameters, NUMPY)
+        reach = (guess.tf - guess.t0) * np.array([np.max(np.abs(rate)) for rate in rates])
+        floor = np.minimum(1.0, np.nan_to_num(reach, posinf=0.0))
+        scales = np.where(unsure, np.maximum(scales, [nearest_power_of_two(size) for size in floor]), scales)
+    return scales
 
 
 def _inertial(problem: OptimalControlProblem, scales: Vector) -> Vector:

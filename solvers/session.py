@@ -53,7 +53,7 @@ class Solved:
 class Session:
     """Solves mesh after mesh within the limits of one document, and keeps the account.
 
-    ``barrier``: where the barrier parameter of warm solves starts; None where it adapts.
+    ``barrier``: where the barrier parameter of warm solves starts; None leaves it to the optimizer.
     """
 
     problem: OptimalControlProblem

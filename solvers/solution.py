@@ -58,6 +58,8 @@ class Solution:
     starts: Sequence[Mapping[str, Any]]
     warnings: Sequence[Mapping[str, Any]]
     statistics: Statistics
+    sensitivity: Mapping[str, float | None] | None = None
+    """Derivative of the objective with respect to parameters and bounds by pointer; None if not computed."""
     extras: Mapping[str, Any] = field(default_factory=dict)
     """What a method adds to the result, by key."""
 
@@ -111,7 +113,7 @@ class Solution:
             "resolved": self.spec.resolved().to_dict(),
             "provenance": {**_provenance(), "seed": getattr(self.spec.method, "seed", None)},
             "constraints": list(self.constraints),
-            "sensitivity": None,
+            "sensitivity": None if self.sensitivity is None else dict(self.sensitivity),
             "convergence": list(self.convergence),
             "starts": list(self.starts),
             "warnings": list(self.warnings),

@@ -22,6 +22,7 @@ from solvers.progress import Progress, SilentProgress
 from solvers.refine.residual import mesh_error_estimate
 from solvers.report import constraint_margins
 from solvers.scaling import automatic_scaling
+from solvers.sensitivity import sensitivity
 from solvers.session import Session, Solved
 from solvers.solution import Solution, Statistics
 from solvers.spec import GeneticMethod, JobSpec, PiecewiseMethod
@@ -69,6 +70,7 @@ def solve(
     )
     verification = improved.certified(problem, verification)
     status, message = judge(spec, problem, solved.trajectory, solved.outcome.status, verification)
+    slopes = sensitivity(spec.problem, solved) if solved.converged else None
     session.seconds["total"] = time.perf_counter() - started
     return Solution(
         spec=spec,
@@ -84,6 +86,7 @@ def solve(
         integrals=solved.transcription.integrals(solved.outcome.unknowns),
         switching=improved.switching(problem),
         constraints=constraint_margins(problem, solved.trajectory),
+        sensitivity=slopes,
         convergence=session.convergence,
         starts=[_start_report(answer, kept=answer is answers[0]) for answer in answers],
         warnings=improved.warnings,

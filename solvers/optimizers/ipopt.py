@@ -25,13 +25,15 @@ _WATCHED_UNKNOWNS = 4000
 # monotone one, from a guess and from the answer on a coarser mesh.
 _ADAPTIVE = {"ipopt.mu_strategy": "adaptive"}
 # Whether a step solves its linear equations is not looked at: the end of a solve is judged by the error of
-# the optimality conditions, and on every case the iterations stay the same. Exact programs need exact steps.
-_FAST = {"ipopt.fast_step_computation": "yes"}
+# the optimality conditions, and on every case the iterations stay the same. Exact programs need exact steps,
+# and when they start near the answer, a low barrier that only falls.
 _EXACT_BELOW = 1e-9
-# How far from its bounds a point near the solution is moved before the first iteration; with a barrier that
-# is given, hardly at all.
-_NEAR = {"ipopt.bound_push": 1e-4, "ipopt.bound_frac": 1e-4}
-_GIVEN = {"ipopt.bound_push": 1e-6, "ipopt.bound_frac": 1e-6}
+_FAST = {"ipopt.fast_step_computation": "yes"}
+_LOW_BARRIER = 1e-4
+# How far from its bounds a point near the solution is moved before the first iteration; where the barrier
+# only falls, hardly at all.
+_NEAR = {"ipopt.bound_push": 1e-3, "ipopt.bound_frac": 1e-3}
+_FALLING = {"ipopt.bound_push": 1e-6, "ipopt.bound_frac": 1e-6}
 
 # A column is dense from this part of all rows on; the two times are dense by nature and do no harm.
 _DENSE_PART = 0.05
@@ -83,8 +85,8 @@ class Limits:
 class Ipopt:
     """IPOPT on the functions of one program; serves every program of the same structure, one at a time.
 
-    ``warm`` says that initial points are close to solutions. ``barrier``: where the barrier parameter starts,
-    and falls from; by default it adapts.
+    ``warm`` says that initial points are close to solutions. ``barrier``: where the barrier parameter starts
+    and falls from; by default it adapts, or starts low where an exact solution is near.
     """
 
     def __init__(
@@ -115,11 +117,14 @@ class Ipopt:
             "ipopt.bound_relax_factor": 0.0,
             "ipopt.mumps_pivot_order": _ordering(compiled.jacobian.sparsity_out(1)),
         }
-        options |= _ADAPTIVE if barrier is None else {"ipopt.mu_init": barrier}
-        if tolerance >= _EXACT_BELOW:
+        exact = tolerance < _EXACT_BELOW
+        if warm and exact:
+            barrier = barrier or _LOW_BARRIER
+        if not exact:
             options |= _FAST
+        options |= _ADAPTIVE if barrier is None else {"ipopt.mu_init": barrier}
         if warm:
-            options |= _NEAR if barrier is None else _GIVEN
+            options |= _NEAR if barrier is None else _FALLING
         functions = {"x": compiled.w, "p": compiled.p, "f": compiled.objective, "g": compiled.constraints}
         self._solver = ca.nlpsol("solver", "ipopt", functions, options)
 

@@ -40,9 +40,8 @@ WRONG_SIGN = 1e-3
 It is left where switches accumulate or structures would take turns.
 """
 
-# Where IPOPT ends for its tolerance; and a low start, from which the known arcs are seldom left.
+# Where IPOPT ends for its tolerance.
 _NO_BARRIER = PROGRAM_TOLERANCE / 11.0
-_LOW_BARRIER = 1e-4
 # An arc of this part of the horizon does not vanish.
 _FIRM = 0.02
 _ROUNDS = 16
@@ -168,7 +167,7 @@ class Search:
         # Without free controls, and with arcs that are there to stay, there is no bound to stay away from:
         # three steps of Newton's method.
         firm = not structure.is_free and np.diff(structure.edges).min() >= _FIRM
-        self.session.barrier = _NO_BARRIER if firm else _LOW_BARRIER
+        self.session.barrier = _NO_BARRIER if firm else None
         return self.session.solve(transcription, f"switching {round_ + 1}", _share(round_), warm=True)
 
     def _keep(self, found: Refined) -> None:

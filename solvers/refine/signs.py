@@ -5,10 +5,12 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from solvers.limits import Limit
 from solvers.problem import OptimalControlProblem
 from solvers.quantities import Interval
-from solvers.refine.structure import Pieces, Structure
+from solvers.refine.structure import Flags, Pieces, Structure
 from solvers.session import Solved
+from solvers.trajectory import Trajectory
 from solvers.transcription.multi_arc import MultiArc
 
 Vector = NDArray[np.float64]
@@ -16,6 +18,9 @@ Vector = NDArray[np.float64]
 # A free control rests on a bound within this part of its range, for so many nodes.
 _RESTS = 1e-6
 _SHORTEST_REST = 2
+# An arc of this part of the horizon, all of it within this part of a limit's own range from it, follows it.
+_SHORT = 0.02
+_NEAR = 1e-3
 
 
 def next_structure(
@@ -23,7 +28,8 @@ def next_structure(
 ) -> tuple[float, Structure | None]:
     """The largest wrong sign, relative, and what the structure becomes; None where it may stay.
 
-    Signs that are wrong by less than ``threshold`` are right. While arcs vanish nothing is said of signs.
+    Signs that are wrong by less than ``threshold`` are right. While arcs vanish, or a free one turns out to
+    follow a limit, nothing is said of signs.
     """
     reduced = structure.without_empty_arcs()
     if reduced.arcs < structure.arcs:
@@ -31,6 +37,9 @@ def next_structure(
     program, trajectory = solved.transcription, solved.trajectory
     assert isinstance(program, MultiArc)
     tau = program.gauss_tau(trajectory)
+    following = structure.following(problem, _active(problem, structure, program, trajectory))
+    if following.pattern != structure.pattern:
+        return np.inf, following
     controls = trajectory.controls_at(tau)
     functions = program.switching_functions(trajectory, solved.outcome.bound_multipliers)
     largest, changes, cut = 0.0, dict[str, list[Pieces | None]](), False
@@ -52,6 +61,23 @@ def next_structure(
             changes[name].append(None if stays else pieces)
             cut |= not stays
     return largest, structure.changed(problem, changes) if cut else None
+
+
+def _active(
+    problem: OptimalControlProblem, structure: Structure, program: MultiArc, trajectory: Trajectory
+) -> dict[Limit, Flags]:
+    """For each limit that is active somewhere, the short arcs all nodes of which are near it.
+
+    An arc between a bound and a limit that should not be there shrinks, but slowly: it costs nearly nothing.
+    """
+    tau, found = program.gauss_tau(trajectory), {}
+    short = np.diff(structure.edges) <= _SHORT
+    for limit in structure.rates:
+        room = limit.room(problem, trajectory, tau)
+        near = room <= _NEAR * max(float(np.ptp(room)), 1e-9)
+        along = [near[program.arc_of_node == arc].all() for arc in range(structure.arcs)]
+        found[limit] = short & np.array(along)
+    return found
 
 
 def _pieces(tau: Vector, wanted: Vector) -> Pieces:

@@ -167,6 +167,12 @@ class Structure:
             self.rates,
         ).decided(problem)
 
+    def following(self, problem: OptimalControlProblem, active: Mapping[Limit, Flags]) -> Structure:
+        """The same, with every limit also followed on the free arcs along which it is ``active``."""
+        none = np.zeros(self.arcs, bool)
+        followed = {limit: self.followed.get(limit, none) | flags for limit, flags in active.items()}
+        return replace(self, followed=present(followed)).decided(problem)
+
     def without(self, limit: Limit) -> Structure:
         """The same, but ``limit`` neither followed nor touched."""
         return replace(

@@ -19,7 +19,7 @@ from solvers.problem import OptimalControlProblem
 from solvers.quantities import Constraint, Interval
 from solvers.scaling import Scaling, magnitude
 from solvers.symbolic import CASADI
-from solvers.transcription.builder import Intervals, Places, ProgramBuilder, fixed
+from solvers.transcription.builder import Intervals, Numbers, Places, ProgramBuilder, fixed
 from solvers.transcription.nodes import Instants, NodeSymbols
 
 Vector = NDArray[np.float64]
@@ -107,8 +107,7 @@ class Assembly(ABC):
         t0, tf = self.span(count)
         for i, rows in enumerate(nodes.states):
             if i in self.per_tau:
-                lower, upper = self.state_bounds(i, count)
-                self._hold_slopes(rows, tf - t0, lower, upper, self.scaling.states[i] * self.scaling.time)
+                self._hold_slopes(i, rows, sparse.csr_array(tf - t0))
             else:
                 self.builder.hold(self, rows, _bounds_of_state(i, count), scale=self.scaling.states[i])
 
@@ -120,18 +119,25 @@ class Assembly(ABC):
             lower[node], upper[node] = max(lower[node], end[0]), min(upper[node], end[1])
         return lower, upper
 
-    def _hold_slopes(
-        self, rows: sparse.csr_array, duration: sparse.csr_array, lower: Vector, upper: Vector, scale: float
-    ) -> None:
-        """Hold rows w / (tf - t0) within bounds, which is linear in the unknowns."""
+    def _hold_slopes(self, index: int, rows: sparse.csr_array, duration: sparse.csr_array) -> None:
+        """Hold the state rows w / (tf - t0) within its bounds: rows w - bound (tf - t0) has one sign.
+
+        The bounds are numbers of places, so that another end of a velocity is no other structure.
+        """
+        lower, upper = self.state_bounds(index, rows.shape[0])
         equal = lower == upper
+        slope, bound = ca.SX.sym("z", 2), ca.SX.sym("p")
+        room = ca.Function("room", [slope, bound], [slope[0] - bound * slope[1]])
         for side, wanted, limits in (
-            (lower, equal, (0.0, 0.0)),
-            (lower, np.isfinite(lower) & ~equal, (0.0, np.inf)),
-            (upper, np.isfinite(upper) & ~equal, (-np.inf, 0.0)),
+            (0, equal, (0.0, 0.0)),
+            (0, np.isfinite(lower) & ~equal, (0.0, np.inf)),
+            (1, np.isfinite(upper) & ~equal, (-np.inf, 0.0)),
         ):
-            linear = rows[wanted] - sparse.diags_array(side[wanted]) @ duration[wanted]
-            self.builder.constrain(fixed(*limits), scale=scale, linear=linear)
+            if wanted.any():
+                numbers = _bounds_at(index, side, wanted)
+                places = self.builder.apply(room, [rows[wanted], duration[wanted]], numbers)
+                scale = self.scaling.states[index] * self.scaling.time
+                self.builder.constrain(fixed(*limits), scale=scale, places=places)
 
     def hold_control_ends(self) -> None:
         """Hold controls within the bounds that they have at the very ends."""
@@ -279,6 +285,11 @@ class Assembly(ABC):
 
 def _bounds_of_control(key: str, index: int) -> Intervals:
     return lambda this: getattr(this.problem, key)[index]
+
+
+def _bounds_at(index: int, side: int, wanted: NDArray[np.bool_]) -> Numbers:
+    """The lower or upper bounds of a state at the nodes that are wanted, (1, K)."""
+    return lambda this: this.state_bounds(index, wanted.size)[side][None, wanted]
 
 
 def _bounds_of_state(index: int, count: int) -> Intervals:

@@ -6,9 +6,11 @@ matrices), and how the dynamics become defects. The rest is common and written h
 
 from __future__ import annotations
 
+import copy
 from abc import abstractmethod
 from collections.abc import Hashable, Sequence
 from dataclasses import dataclass, replace
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -58,10 +60,13 @@ class Transcription(Assembly):
         Expressions, names, the mesh, which bounds there are, and the numbers that scale or enter matrices.
         """
         problem, scaling = self.problem, self.scaling
+        ends = [*zip(problem.state_bounds, problem.initial_state, problem.final_state, strict=True)]
+        # Bounds and ends of velocities are held by rows of their own, which differ where both sides meet.
         moving = [
-            (problem.state_bounds[i], problem.initial_state[i], problem.final_state[i]) for i in self.per_tau
+            _sides((max(bounds[0], end[0]), min(bounds[1], end[1])))
+            for bounds, *both in (ends[i] for i in self.per_tau)
+            for end in both
         ]
-        ends = zip(problem.state_bounds, problem.initial_state, problem.final_state, strict=True)
         return (
             type(self).__name__,
             self.mesh,
@@ -74,11 +79,17 @@ class Transcription(Assembly):
             tuple(_sides(item) for item in (*problem.initial_control, *problem.final_control)),
         )
 
-    def program(self) -> NonlinearProgram:
-        """The scaled program."""
+    def of(self, problem: OptimalControlProblem) -> Self:
+        """The same transcription, with its builder, of a problem that differs in numbers only."""
+        twin = copy.copy(self)
+        twin.problem = problem
+        return twin
+
+    def program(self, initial: Vector | None = None) -> NonlinearProgram:
+        """The scaled program, to be solved from the start, or from the scaled unknowns ``initial``."""
         if not self.builder.size:
             self._build()
-        return self.builder.program(self, self.scaling.objective)
+        return self.builder.program(self, self.scaling.objective, initial)
 
     def _build(self) -> None:
         self.allocate()

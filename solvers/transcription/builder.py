@@ -180,15 +180,17 @@ class ProgramBuilder:
         several = wanted & ~single
         self.constrain(bounds, scale=scale, linear=sparse.csr_array(rows[several]), wanted=several)
 
-    def program(self, this: Any, objective_scale: float) -> NonlinearProgram:
-        """The program of the transcription ``this``, in scaled unknowns, rows and objective."""
+    def program(self, this: Any, objective_scale: float, initial: Vector | None = None) -> NonlinearProgram:
+        """The program of the transcription ``this``, in scaled unknowns, rows and objective.
+
+        ``initial``: the scaled unknowns to begin with, by default what the transcription says.
+        """
         if self._structure is None:
             self._structure = self._assemble(this, objective_scale)
         structure, scale = self._structure, self.scale
         lower, upper = self._unknown_bounds(this)
-        initial = np.concatenate(
-            [np.broadcast_to(item.initial(this), item.shape).ravel() for item in self._unknowns]
-        )
+        if initial is None:
+            initial = self._initial(this, lower, upper) / scale
         row_bounds = [self._row_bounds(this, rows) for rows in self._rows]
         groups = [
             replace(group, numbers=np.asarray(item.numbers(this), np.float64))
@@ -196,7 +198,7 @@ class ProgramBuilder:
         ]
         return replace(
             structure,
-            initial=np.clip(initial, lower, upper) / scale,
+            initial=initial,
             lower=lower / scale,
             upper=upper / scale,
             constraint_lower=np.concatenate([bounds[0] for bounds in row_bounds]),
@@ -216,6 +218,11 @@ class ProgramBuilder:
         for start, matrix in self._functions[places.index].scatter:
             values += matrix.T @ multipliers[start : start + matrix.shape[0]]
         return values
+
+    def _initial(self, this: Any, lower: Vector, upper: Vector) -> Vector:
+        parts = [np.broadcast_to(item.initial(this), item.shape).ravel() for item in self._unknowns]
+        inside: Vector = np.clip(np.concatenate(parts), lower, upper)
+        return inside
 
     def _unknown_bounds(self, this: Any) -> tuple[Vector, Vector]:
         pairs = [_both(item.bounds, this, item.shape) for item in self._unknowns]

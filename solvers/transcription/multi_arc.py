@@ -19,14 +19,16 @@ Optim. Control Appl. Meth. 26, 2005; Bryson, Denham, Dreyfus, AIAA Journal 1(11)
 from __future__ import annotations
 
 from collections.abc import Hashable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
 
 from solvers.limits import Limit
+from solvers.problem import OptimalControlProblem
 from solvers.trajectory import Trajectory
 from solvers.transcription.builder import Intervals, fixed
 from solvers.transcription.gauss_pseudospectral import GaussPseudospectral
@@ -156,6 +158,17 @@ class MultiArc(GaussPseudospectral):
             for start, width, (points, _) in zip(starts, self.widths, self._rules, strict=True)
         ]
         return Instants(np.concatenate(local), plain.states, plain.controls, (rows[arc], rows[arc + 1]))
+
+    def of(self, problem: OptimalControlProblem) -> Self:
+        """See :class:`Transcription`: controls rest on bounds, and arcs follow limits, of ``problem``."""
+        twin = super().of(problem)
+        bounds = zip(self.problem.control_bounds, problem.control_bounds, strict=True)
+        twin.pinned = {
+            name: np.select([levels == own for own in before], list(after), levels)
+            for (name, levels), (before, after) in zip(self.pinned.items(), bounds, strict=True)
+        }
+        twin.follows = tuple(replace(item, limit=item.limit.of(problem)) for item in self.follows)
+        return twin
 
     def constrain_dynamics(self) -> None:
         """The defects of every arc, the order of the arcs in time, and what follows limits."""

@@ -46,7 +46,8 @@ def test_progress_tells_stage_iteration_objective_and_infeasibility(
     recorder = Recorder()
     solve(check_document({**flexible_spacecraft, "method": {"name": "swcm", "J": 8}}), recorder)
     stages = [report.stage for report in recorder.reports]
-    assert stages[0] == "solve level 1 of 3"
+    assert stages[0] == "start"
+    assert "solve level 1 of 3" in stages
     assert stages[-1] == "verify"
     first = recorder.reports[0]
     assert first.objective is not None
@@ -189,7 +190,7 @@ def test_samples_hold_every_switch_twice_besides_the_equidistant_ones(rigid_body
 
 
 def test_what_is_not_computed_is_null(rigid_body: dict[str, Any]) -> None:
-    result = solve(check_document(rigid_body)).result()
+    result = solve(check_document({**rigid_body, "options": {"max_iterations": 3}})).result()
     assert result["sensitivity"] is None
     assert all(math.isfinite(value) for value in result["statistics"]["seconds"].values())
 

@@ -55,7 +55,7 @@ def test_limits_and_their_orders(problem: OptimalControlProblem) -> None:
     assert (position.order, speed.order) == (2, 1)
     assert position.controls == (0,)
     at = np.array([[3.0], [4.0]]), np.array([[0.25]]), np.array([0.0])
-    np.testing.assert_allclose(position.along(problem, *at)[:, 0], [3.0, 4.0, 0.25])
+    np.testing.assert_allclose(position.along(problem.parameters, *at)[:, 0], [3.0, 4.0, 0.25])
 
 
 def test_a_limit_that_no_control_moves_has_no_order(regulator: dict[str, Any]) -> None:

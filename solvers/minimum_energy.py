@@ -1,0 +1,82 @@
+"""A start that obeys the model: the trajectory of least control energy between the ends.
+
+A straight line between the ends seldom is a trajectory, and where it has no acceleration and no control, the
+duration has no effect on the dynamics: the first step of an interior-point method then shortens a free
+horizon until it meets its bound, and many iterations repair that. The problem
+
+    minimise the integral of sum_j (u_j / s_j)^2,   t0 and tf as guessed, no bounds but the ends,
+
+is quadratic for a linear model and takes a few iterations on a coarse mesh of splines. Bryson and Ho, Applied
+Optimal Control, 1975, section 5.3, on why such extremals are smooth; docs/benchmarks.md on what it saves.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from solvers.bases.graded import GradedKnots
+from solvers.expressions import parse, product, total
+from solvers.guess import Start, WarmStart
+from solvers.problem import OptimalControlProblem
+from solvers.quantities import FREE
+from solvers.scaling import Scaling
+from solvers.session import Session
+from solvers.transcription.spline_wavelet import SplineWavelet
+
+# Sixteen intervals; what is not found soon is not worth its time.
+_LENGTH, _LEVEL = 8, 1
+_TOLERANCE = 1e-4
+_ITERATIONS = 12
+
+
+def minimum_energy_start(session: Session) -> Start | None:
+    """The trajectory of least control energy, to start from.
+
+    None where the document says how states or controls go, where no control is bounded on both sides (then
+    the straight line does as well), and where the trajectory is not found in a few iterations.
+    """
+    problem = session.problem
+    bounded = any(np.isfinite(bounds).all() for bounds in problem.control_bounds)
+    if not (problem.guess.default and bounded):
+        return None
+    easier = _minimum_energy(problem, session.scaling)
+    rough = replace(
+        session,
+        problem=easier,
+        tolerance=_TOLERANCE,
+        max_iterations=_ITERATIONS,
+        convergence=[],
+        iterations=0,
+    )
+    knots = GradedKnots.uniform(_LENGTH, _LEVEL)
+    solved = rough.solve(SplineWavelet(easier, session.scaling, easier.guess, knots), "start", (0.0, 0.0))
+    session.iterations += rough.iterations
+    if not solved.converged:
+        return None
+    return WarmStart(solved.trajectory, problem.guess, problem.states, problem.controls)
+
+
+def _minimum_energy(problem: OptimalControlProblem, scaling: Scaling) -> OptimalControlProblem:
+    free = (FREE,) * len(problem.controls)
+    scaled = [
+        product(parse(float(1.0 / scale)), parse(name))
+        for name, scale in zip(problem.controls, scaling.controls, strict=True)
+    ]
+    return replace(
+        problem,
+        running_cost=total([product(control, control) for control in scaled]),
+        terminal_cost=None,
+        path=(),
+        # What is said of integrals is not said of the ends.
+        boundary=() if problem.integrals else problem.boundary,
+        integrals=(),
+        state_bounds=(FREE,) * len(problem.states),
+        control_bounds=free,
+        initial_control=free,
+        final_control=free,
+        initial_time=(problem.guess.t0, problem.guess.t0),
+        final_time=(problem.guess.tf, problem.guess.tf),
+        design=tuple(replace(item, interval=(item.guess, item.guess)) for item in problem.design),
+    )

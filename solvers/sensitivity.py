@@ -1,0 +1,105 @@
+"""How the optimum changes with the numbers of the document: its parameters, bounds and ends.
+
+Where a number y changes a little, the optimum of  min J(w; y), c(w; y) within bounds b(y),  changes as its
+Lagrangian does with the unknowns and the multipliers held (the envelope theorem; A. V. Fiacco, Introduction
+to Sensitivity and Stability Analysis in Nonlinear Programming, 1983, theorem 3.4.1):
+
+    dJ*/dy = d/dy [J(w; y) + lambda' (c(w; y) - b(y))].
+
+The Lagrangian is evaluated with the number a little larger and a little smaller; nothing is solved again.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from solvers.problem import OptimalControlProblem
+from solvers.session import Solved
+from solvers.spec import BoundValue, ProblemSpec, Value, evaluate_constant
+
+Vector = NDArray[np.float64]
+Place = tuple[str | int, ...]
+
+# Relative to the number, or by itself where that is 0.
+_STEP = 1e-5
+
+_TIMES = ("initial_time", "final_time")
+_TABLES = ("initial_state", "final_state", "bounds", "initial_control", "final_control")
+_LISTS = ("path_constraints", "boundary_constraints", "integrals")
+
+
+def sensitivity(spec: ProblemSpec, solved: Solved) -> dict[str, float | None]:
+    """dJ*/dy by JSON pointer for every parameter of the model and every bound and end of a converged answer.
+
+    A bound is one number or a side of an interval; None where the derivative is no finite number. What is
+    optimised itself, and parameters that follow from that, have none.
+    """
+    parameters = solved.transcription.problem.parameters
+    found: dict[str, float | None] = {}
+    for place, value in _numbers(spec, parameters):
+        number = evaluate_constant(value, parameters)
+        step = _STEP * (abs(number) or 1.0)
+        with np.errstate(all="ignore"):
+            below, above = (
+                _lagrangian(solved, OptimalControlProblem.from_spec(_changed(spec, place, number + change)))
+                for change in (-step, step)
+            )
+        slope = (above - below) / (2.0 * step)
+        found["/problem/" + "/".join(map(str, place))] = slope if np.isfinite(slope) else None
+    return found
+
+
+def _lagrangian(solved: Solved, problem: OptimalControlProblem) -> float:
+    transcription, outcome = solved.transcription.of(problem), solved.outcome
+    program = transcription.program(outcome.unknowns)
+    objective, rows = program.values(outcome.unknowns)
+    for multipliers, values, lower, upper in (
+        (outcome.row_multipliers, rows, program.constraint_lower, program.constraint_upper),
+        (outcome.bound_multipliers, outcome.unknowns, program.lower, program.upper),
+    ):
+        active = np.where(multipliers > 0.0, upper, lower)
+        held = np.isfinite(active)
+        objective += float(multipliers[held] @ (values - active)[held])
+    return objective * transcription.scaling.objective
+
+
+def _numbers(spec: ProblemSpec, parameters: Mapping[str, float]) -> Iterator[tuple[Place, Value]]:
+    """The place in the problem and the value of everything that can be varied."""
+    for name, number in parameters.items():
+        yield ("model", "parameters", name), number
+    for key in _TIMES:
+        yield from _sides((key,), getattr(spec, key))
+    for key in _TABLES:
+        for name, bound in getattr(spec, key).items():
+            yield from _sides((key, name), bound)
+    for key in _LISTS:
+        for index, item in enumerate(getattr(spec, key)):
+            yield from _sides((key, index, "bounds"), item.bounds)
+    for name, item in spec.design.items():
+        yield from _sides(("design", name, "bounds"), item.bounds)
+
+
+def _sides(place: Place, bound: BoundValue) -> Iterator[tuple[Place, Value]]:
+    if isinstance(bound, str | int | float):
+        yield place, bound
+    elif bound is not None:
+        for side, value in enumerate(bound):
+            if value is not None:
+                yield (*place, side), value
+
+
+def _changed(node: Any, place: Place, number: float) -> Any:
+    """A copy of a part of the problem with another number at ``place``."""
+    if not place:
+        return number
+    key, *rest = place
+    if isinstance(node, Mapping):
+        return {**node, key: _changed(node.get(key), tuple(rest), number)}
+    if isinstance(node, list | tuple):
+        return [_changed(item, tuple(rest), number) if i == key else item for i, item in enumerate(node)]
+    field = "submitted_model" if key == "model" else str(key)
+    return node.changed(**{field: _changed(getattr(node, field), tuple(rest), number)})
