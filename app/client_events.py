@@ -23,7 +23,8 @@ class Event:
     """Something that happened to a job.
 
     ``data`` of a ``status`` holds ``job_id``, ``status``, ``attempts``, ``cancel_requested``, ``error`` and
-    ``at``; of ``progress`` the report of the solve; of ``result`` the address of the result, ``href``.
+    ``at``; of ``progress`` the report of the solve, now and then with a coarse ``trajectory``; of ``result``
+    the address of the result, ``href``.
     """
 
     id: str

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Any, Protocol
 
 
 @dataclass(frozen=True, slots=True)
 class ProgressReport:
     """A moment of a solve: ``fraction`` in [0, 1] is an estimate, ``None`` where there is none.
 
-    ``diversity``: of a population, how far its genes are from their mean.
+    ``diversity``: of a population, how far its genes are from their mean. ``trajectory``: now and then where
+    the iterate is, coarsely, as in a result.
     """
 
     stage: str
@@ -19,6 +21,7 @@ class ProgressReport:
     infeasibility: float | None = None
     fraction: float | None = None
     diversity: float | None = None
+    trajectory: Mapping[str, Any] | None = None
 
 
 class Progress(Protocol):

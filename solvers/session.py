@@ -6,6 +6,8 @@ import time
 from dataclasses import dataclass, field
 from typing import Any
 
+import numpy as np
+
 from solvers.cache import STRUCTURES, CompiledStructure
 from solvers.optimizers.ipopt import Ipopt, Iterate, Limits, Outcome
 from solvers.problem import OptimalControlProblem
@@ -18,6 +20,9 @@ from solvers.transcription.base import Transcription
 
 # About how many iterations a mesh takes: only the estimate of the fraction done depends on it.
 _USUAL_ITERATIONS = 30.0
+# Time between two sketches of where a solve is (s), and their number of samples: a picture, not an answer.
+_SKETCH_EVERY = 1.0
+_SKETCH_SAMPLES = 41
 
 
 @dataclass(frozen=True)
@@ -66,6 +71,7 @@ class Session:
     convergence: list[dict[str, Any]] = field(default_factory=list)
     iterations: int = 0
     barrier: float | None = None
+    next_sketch: float = field(default_factory=lambda: time.monotonic() + _SKETCH_EVERY)
 
     @property
     def stop(self) -> SolveStatus | None:
@@ -97,6 +103,7 @@ class Session:
                     iterate.objective * transcription.scaling.objective,
                     iterate.infeasibility,
                     share[0] + done * (share[1] - share[0]),
+                    trajectory=self._sketch(transcription, iterate),
                 )
             )
 
@@ -122,6 +129,15 @@ class Session:
             }
         )
         return solved
+
+    def _sketch(self, transcription: Transcription, iterate: Iterate) -> dict[str, Any] | None:
+        """Where an iterate is, on a coarse grid; None if that was told a moment ago, or is nowhere."""
+        now = time.monotonic()
+        if now < self.next_sketch or not np.all(np.isfinite(iterate.unknowns)):
+            return None
+        self.next_sketch = now + _SKETCH_EVERY
+        trajectory = transcription.trajectory(iterate.unknowns)
+        return trajectory.sample(np.linspace(trajectory.t0, trajectory.tf, _SKETCH_SAMPLES))
 
     def _optimizer(self, program: NonlinearProgram, *, warm: bool) -> Ipopt:
         return Ipopt(

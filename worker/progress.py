@@ -7,6 +7,7 @@ import os
 import signal
 import threading
 import time
+from dataclasses import replace
 from types import TracebackType
 
 from redis.exceptions import RedisError
@@ -50,7 +51,13 @@ class StoreProgress:
         self._thread = threading.Thread(target=self._watch, name=f"progress-{job_id}", daemon=True)
 
     def report(self, report: ProgressReport) -> None:
-        """Take note of a moment of the solve; written at the next exchange unless another comes first."""
+        """Take note of a moment of the solve; written at the next exchange unless another comes first.
+
+        A trajectory is handed on to the one that comes first, for there are few of them.
+        """
+        latest = self._latest
+        if report.trajectory is None and latest is not None and latest is not self._written:
+            report = replace(report, trajectory=latest.trajectory)
         self._latest = report
 
     def cancelled(self) -> bool:

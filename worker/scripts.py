@@ -155,14 +155,14 @@ Answers ``started``, ``missing``, ``busy`` (another solve owns the job) or the f
 REPORT = (
     _COMMON
     + """
--- ARGV[7] owner, ARGV[8] progress as JSON or '' for nothing new.
+-- ARGV[7] owner, ARGV[8] progress as JSON or '' for nothing new, ARGV[9] all that is told of it.
 if not mine(ARGV[7]) then return 'lost' end
 local left = tonumber(redis.call('ZSCORE', KEYS[5], ARGV[1]) or 0) - clock()
 if left < ARGV[6] / 2 then lend(tonumber(ARGV[6])) end
 if ARGV[8] ~= '' then
   redis.call('HSET', KEYS[1], 'progress', ARGV[8])
   redis.call('HINCRBY', KEYS[1], 'version', 1)
-  note('progress', ARGV[8])
+  note('progress', ARGV[9])
 end
 if redis.call('HGET', KEYS[1], 'cancel') == '1' then return 'cancel' end
 return 'go'

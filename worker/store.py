@@ -356,9 +356,17 @@ class JobStore:
         return max(0.0, min(record.max_seconds, until_deadline))
 
     def report(self, job_id: str, owner: str, report: ProgressReport | None) -> Signal:
-        """Write the progress of a running job (None: nothing new) and hear whether to go on."""
-        text = "" if report is None else json.dumps(_finite(asdict(report)))
-        answer = self._run(self._report, job_id, owner, text)
+        """Write the progress of a running job (None: nothing new) and hear whether to go on.
+
+        A trajectory is told as an event and not kept in the record.
+        """
+        text = told = ""
+        if report is not None:
+            members = _finite(asdict(report))
+            trajectory = members.pop("trajectory")
+            text = json.dumps(members)
+            told = text if trajectory is None else json.dumps({**members, "trajectory": trajectory})
+        answer = self._run(self._report, job_id, owner, text, told)
         return Signal(cast(bytes, answer).decode())
 
     def finish(

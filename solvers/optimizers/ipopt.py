@@ -53,11 +53,12 @@ _STATUS = {
 
 @dataclass(frozen=True)
 class Iterate:
-    """A moment of the optimization, in the scaled quantities of the program."""
+    """A moment of the optimization, in the scaled quantities of the program; ``unknowns`` (n,)."""
 
     iteration: int
     objective: float
     infeasibility: float
+    unknowns: Vector
 
 
 @dataclass(frozen=True)
@@ -178,7 +179,7 @@ class _Watcher(ca.Callback):
 
     def __init__(self, program: NonlinearProgram) -> None:
         ca.Callback.__init__(self)
-        self._sizes = {"f": 1, "g": program.constraints}
+        self._sizes = {"x": program.variables, "f": 1, "g": program.constraints}
         self.step = min(_LONGEST_STEP, 1 + _WATCHED_UNKNOWNS // program.variables)
         self.construct("watcher", {})
 
@@ -217,7 +218,7 @@ class _Watcher(ca.Callback):
             below = self._program.constraint_lower - rows
             above = rows - self._program.constraint_upper
             violation = float(max(0.0, np.max(below, initial=0.0), np.max(above, initial=0.0)))
-            self._report(Iterate(self._iterations, objective, violation))
+            self._report(Iterate(self._iterations, objective, violation, values[0].full().ravel()))
         if now >= self._limits.deadline:
             self.stopped_by = SolveStatus.TIME_LIMIT
         elif self._limits.cancelled():

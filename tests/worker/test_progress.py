@@ -112,3 +112,19 @@ def test_a_solve_that_does_not_stop_is_ended_with_its_process(
     assert child.wait(20) == -signal.SIGKILL
     record = store.get(job_id)
     assert (record.status, record.has_result) == (JobStatus.CANCELLED, False)
+
+
+def test_a_trajectory_is_told_once_and_not_kept_in_the_record(
+    store: JobStore, job_id: str, owner: str
+) -> None:
+    """Also if a report without one comes before it is written."""
+    sketch = {"t": [0.0, 1.0], "states": {"x": [0.0, 1.0]}, "controls": {"u": [1.0, 1.0]}}
+    with StoreProgress(store, job_id, owner, period=0.1) as progress:
+        progress.report(ProgressReport("solve", 1, trajectory=sketch))
+        progress.report(ProgressReport("solve", 2))
+        assert within(5, lambda: store.get(job_id).progress is not None)
+        progress.report(ProgressReport("solve", 3))
+        assert within(5, lambda: (store.get(job_id).progress or {})["iteration"] == 3)
+    told = [event.data for event in store.events(job_id) if event.kind == "progress"]
+    assert [(data["iteration"], data.get("trajectory")) for data in told] == [(2, sketch), (3, None)]
+    assert "trajectory" not in (store.get(job_id).progress or {})

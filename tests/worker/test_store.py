@@ -70,6 +70,7 @@ def test_the_way_of_a_job_that_succeeds(store: JobStore) -> None:
         "objective": 25.9,
         "infeasibility": None,
         "fraction": 0.5,
+        "diversity": None,
     }
     assert store.finish(job_id, owner, JobStatus.SUCCEEDED, result=compress(b'{"success": true}'))
     end = store.get(job_id)
