@@ -112,6 +112,13 @@ class Dynamics:
         return cls((), {name: parse(rate) for name, rate in model.dynamics.items()})
 
     @property
+    def states(self) -> tuple[str, ...]:
+        """The names of the states in order."""
+        coordinates = [name for body in self.bodies for name in body.coordinates]
+        velocities = [name for body in self.bodies for name in body.velocities]
+        return (*coordinates, *velocities, *self.first_order)
+
+    @property
     def coordinates(self) -> int:
         """The number n of coordinates: the first n states, whose velocities are the next n."""
         return sum(len(body.coordinates) for body in self.bodies)

@@ -161,8 +161,14 @@ def make_guess(
 
 
 def _named(curves: Mapping[str, Curve], names: Sequence[str], otherwise: Vector, tau: Vector) -> Vector:
-    """Curves by name, (n, K); rows of ``otherwise`` for names without a curve."""
-    rows = [curves[name](tau) if name in curves else row for name, row in zip(names, otherwise, strict=True)]
+    """Curves by name, (n, K); rows of ``otherwise`` for names without a curve.
+
+    A state of one of several plants, ``name@case``, may begin as the state of the only plant did.
+    """
+    rows = []
+    for name, row in zip(names, otherwise, strict=True):
+        curve = curves.get(name, curves.get(name.partition("@")[0]))
+        rows.append(row if curve is None else curve(tau))
     return np.array(rows).reshape(-1, tau.size)
 
 

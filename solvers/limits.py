@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from solvers.backends import NUMPY
-from solvers.expressions import Expression, parse
+from solvers.expressions import Expression, named
 from solvers.problem import OptimalControlProblem
 from solvers.trajectory import Trajectory
 
@@ -51,7 +51,7 @@ class Limit:
 def limits_of(problem: OptimalControlProblem) -> list[Limit]:
     """Every finite side of the state bounds and of the path constraints that are no equations."""
     bounds = [
-        (problem.bound_pointer(name), parse(name), interval, {"state": index})
+        (problem.bound_pointer(name), named(name), interval, {"state": index})
         for index, (name, interval) in enumerate(zip(problem.states, problem.state_bounds, strict=True))
     ]
     bounds += [

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from solvers.bundle import Bundle, BundleError
-from solvers.problem import OptimalControlProblem
+from solvers.scenarios import formulate
 from solvers.spec import check_document, parse_document
 from solvers.trajectory import Trajectory
 from solvers.verify import Tolerances, Verification, verify
@@ -68,7 +68,7 @@ def replay(bundle: Bundle) -> Replay:
         raise BundleError(
             f"the result cannot be read by this version ({type(error).__name__}: {error})"
         ) from error
-    problem = OptimalControlProblem.from_spec(spec.problem)
+    problem = formulate(spec.problem).plants[0].problem
     return Replay(verify(problem, trajectory, limits, time.monotonic() + SECONDS), stored, same)
 
 

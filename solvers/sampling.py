@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from solvers.problem import OptimalControlProblem
+from solvers.scenarios import formulate
 from solvers.spec import check_document
 from solvers.trajectory import Trajectory
 from solvers.verify import dense
@@ -32,8 +33,8 @@ def sample(
 
 
 def problem_of(result: Mapping[str, Any]) -> OptimalControlProblem:
-    """The problem that a stored result answers."""
-    return OptimalControlProblem.from_spec(check_document(result["resolved"]["document"]).problem)
+    """The problem that the trajectory of a stored result answers: of several plants that of the first."""
+    return formulate(check_document(result["resolved"]["document"]).problem).plants[0].problem
 
 
 def output_extremes(

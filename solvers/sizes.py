@@ -14,6 +14,7 @@ from solvers.piecewise.driven import driven_states
 from solvers.piecewise.plan import Plan
 from solvers.problem import OptimalControlProblem
 from solvers.quantities import Interval
+from solvers.scenarios import formulate
 from solvers.spec import (
     AutoMethod,
     GaussPseudospectralMethod,
@@ -59,7 +60,7 @@ def problem_size(spec: JobSpec) -> ProblemSize:
 
 
 def _mesh_size(spec: JobSpec) -> ProblemSize:
-    problem = OptimalControlProblem.from_spec(spec.problem)
+    problem = formulate(spec.problem, spec.verification_tolerances()["terminal_error"]).problem
     n, m = len(problem.states), len(problem.controls)
     match spec.method:
         case GaussPseudospectralMethod(nodes=nodes, segments=segments):

@@ -15,7 +15,9 @@ from numpy.typing import NDArray
 
 from solvers.coefficients import encode
 from solvers.problem import OptimalControlProblem
+from solvers.report import constraint_margins
 from solvers.sampling import output_extremes, sample
+from solvers.scenarios import Plant
 from solvers.spec import JobSpec
 from solvers.status import SolveStatus
 from solvers.trajectory import Trajectory
@@ -34,6 +36,15 @@ class Statistics:
     nlp_status: str | None
     seconds: Mapping[str, float]
     nlp_solver: str | None = "ipopt"
+
+
+@dataclass(frozen=True)
+class PlantAnswer:
+    """One of several plants under a command: its part of the answer, and what its flight showed."""
+
+    plant: Plant
+    trajectory: Trajectory
+    verification: Verification
 
 
 @dataclass(frozen=True)
@@ -60,6 +71,8 @@ class Solution:
     statistics: Statistics
     sensitivity: Mapping[str, float | None] | None = None
     """Derivative of the objective with respect to parameters and bounds by pointer; None if not computed."""
+    plants: Sequence[PlantAnswer] = ()
+    """All plants under one command, the one of this result first; none without scenarios."""
     extras: Mapping[str, Any] = field(default_factory=dict)
     """What a method adds to the result, by key."""
 
@@ -121,7 +134,20 @@ class Solution:
             "phases": [phase],
             **self.extras,
         }
+        if self.plants:
+            plain["scenarios"] = {answer.plant.name: self._scenario(answer) for answer in self.plants}
         return {key: _finite(value) for key, value in plain.items()}
+
+    def _scenario(self, answer: PlantAnswer) -> dict[str, Any]:
+        """The entry of one of several plants."""
+        problem, trajectory = answer.plant.problem, answer.trajectory
+        sampled = sample(problem, trajectory, self._sample_times())
+        return {
+            "trajectory": sampled,
+            "verification": answer.verification.to_dict(),
+            "outputs": output_extremes(problem, trajectory, sampled),
+            "constraints": constraint_margins(problem, trajectory),
+        }
 
     def _sample_times(self) -> Vector:
         """Equidistant times, and every switching instant twice: its left and its right value."""

@@ -22,9 +22,10 @@ from solvers.progress import Progress, SilentProgress
 from solvers.refine.residual import mesh_error_estimate
 from solvers.report import constraint_margins
 from solvers.scaling import automatic_scaling
+from solvers.scenarios import formulate
 from solvers.sensitivity import sensitivity
 from solvers.session import Session, Solved
-from solvers.solution import Solution, Statistics
+from solvers.solution import PlantAnswer, Solution, Statistics
 from solvers.spec import GeneticMethod, JobSpec, PiecewiseMethod
 from solvers.trajectory import Trajectory
 
@@ -51,7 +52,9 @@ def solve(
     if isinstance(spec.method, PiecewiseMethod):
         return solve_piecewise(spec, progress or SilentProgress(), min(spec.options.max_seconds, seconds))
     started = time.perf_counter()
-    session = _session(spec, progress or SilentProgress(), min(spec.options.max_seconds, seconds))
+    formulation = formulate(spec.problem, spec.verification_tolerances()["terminal_error"])
+    seconds = min(spec.options.max_seconds, seconds)
+    session = _session(spec, formulation.problem, progress or SilentProgress(), seconds)
     session.seconds["build"] = time.perf_counter() - started
     if isinstance(spec.method, GeneticMethod):
         solution = solve_by_genes(spec, session, spec.method, earlier)
@@ -63,33 +66,47 @@ def solve(
     improved = improve(session, spec.method, answers[0], span)
     solved = improved.solved
     costates = solved.transcription.costates(solved.trajectory, solved.outcome.row_multipliers)
+    plants = [
+        PlantAnswer(
+            plant,
+            trajectory := plant.trajectory(solved.trajectory),
+            verified(session, spec, trajectory, solved.outcome.status, plant.problem),
+        )
+        for plant in formulation.plants
+    ]
+    leading, trajectory = formulation.plants[0], plants[0].trajectory
     verification = replace(
-        verified(session, spec, solved.trajectory, solved.outcome.status),
+        plants[0].verification,
         hamiltonian_drift=hamiltonian_drift(solved.weighted_problem, solved.trajectory, costates),
         mesh_error_estimate=mesh_error_estimate(problem, solved.trajectory),
     )
     verification = improved.certified(problem, verification)
-    status, message = judge(spec, problem, solved.trajectory, solved.outcome.status, verification)
-    slopes = sensitivity(spec.problem, solved) if solved.converged else None
+    plants[0] = replace(plants[0], verification=verification)
+    status, message = judge(
+        spec, leading.problem, trajectory, solved.outcome.status, verification, others=plants[1:]
+    )
+    one_plant = spec.problem.scenarios is None
+    slopes = sensitivity(spec.problem, solved) if solved.converged and one_plant else None
     session.seconds["total"] = time.perf_counter() - started
     return Solution(
         spec=spec,
-        problem=problem,
-        trajectory=solved.trajectory,
-        costates=costates,
+        problem=leading.problem,
+        trajectory=trajectory,
+        costates=costates[leading.rows(solved.trajectory)],
         objective=solved.objective,
         status=status,
         message=" ".join([message, *(item["detail"] for item in improved.warnings)]),
         method={**method.model_dump(exclude_none=True), **improved.summary},
         verification=verification,
-        model_report=model_report(problem, solved.trajectory),
-        integrals=solved.transcription.integrals(solved.outcome.unknowns),
+        model_report=model_report(leading.problem, trajectory),
+        integrals=leading.integrals(solved.transcription.integrals(solved.outcome.unknowns)),
         switching=improved.switching(problem),
-        constraints=constraint_margins(problem, solved.trajectory),
+        constraints=constraint_margins(leading.problem, trajectory),
         sensitivity=slopes,
         convergence=session.convergence,
         starts=[_start_report(answer, kept=answer is answers[0]) for answer in answers],
-        warnings=improved.warnings,
+        warnings=[*formulation.warnings, *improved.warnings],
+        plants=() if one_plant else plants,
         statistics=Statistics(
             solved.transcription.builder.size,
             solved.transcription.builder.row_count,
@@ -100,8 +117,7 @@ def solve(
     )
 
 
-def _session(spec: JobSpec, progress: Progress, seconds: float) -> Session:
-    problem = OptimalControlProblem.from_spec(spec.problem)
+def _session(spec: JobSpec, problem: OptimalControlProblem, progress: Progress, seconds: float) -> Session:
     return Session(
         problem,
         automatic_scaling(problem),

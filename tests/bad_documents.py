@@ -338,9 +338,7 @@ def _limits() -> Iterator[BadDocument]:
 
 
 def _unsupported() -> Iterator[BadDocument]:
-    for name, pointer, value in (
-        ("scenarios", "/problem/scenarios", {"cases": [{"name": "soft", "parameters": {"k": 90}}]}),
-    ):
+    for name, pointer, value in (("phases", "/problem/phases", [{"name": "first"}]),):
         yield BadDocument(f"unsupported: {name}", _json(changed(pointer, value)), pointer, "unsupported")
 
 

@@ -3,7 +3,7 @@
 Own tokenizer and Pratt parser; what is read is never handed to Python's ``eval`` or ``ast``.
 """
 
-from solvers.expressions.compose import combined, positive_part, product, renamed, total
+from solvers.expressions.compose import combined, named, positive_part, product, renamed, total
 from solvers.expressions.expression import Code, Expression
 from solvers.expressions.parser import (
     MAX_CHARACTERS,
@@ -34,6 +34,7 @@ __all__ = [
     "ExpressionLimitError",
     "combined",
     "did_you_mean",
+    "named",
     "parse",
     "positive_part",
     "product",

@@ -19,6 +19,11 @@ def combined(mark: str, left: Expression, right: Expression) -> Expression:
     )
 
 
+def named(name: str) -> Expression:
+    """Return the expression that is this name, even if no document could use it."""
+    return Expression(name, {name: 0}, 0, ((Code.NAME, name),))
+
+
 def total(terms: Sequence[Expression]) -> Expression:
     """Return the sum of the terms, 0 without any."""
     return reduce(lambda left, right: combined("+", left, right), terms) if terms else parse(0)

@@ -39,6 +39,7 @@ from solvers.spec.problem import (
     path_intervals,
 )
 from solvers.spec.resolution import Resolution, answer_digest, canonical_json
+from solvers.spec.scenarios import ScenarioSpec
 from solvers.spec.scope import VIBRATION_ENERGY
 from solvers.spec.values import BoundValue, Interval, Value, bound_interval, evaluate_constant, inside
 
@@ -68,6 +69,7 @@ __all__ = [
     "Plant",
     "ProblemSpec",
     "Resolution",
+    "ScenarioSpec",
     "Segments",
     "SplineAdaptivity",
     "SplineWaveletMethod",

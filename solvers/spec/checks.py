@@ -14,6 +14,7 @@ from solvers.spec.faults import Flaws, Path, kind_of
 from solvers.spec.scope import Scope
 from solvers.spec.values import FREE, Interval, evaluate_constant, is_finite
 
+_NUMBERS = (int, float)  # a union would be made anew at every call
 MAX_EXPANDED = 100_000
 """The largest number of operations of an expression with all definitions written out."""
 
@@ -51,7 +52,7 @@ def check_expression(
 
 def is_number(value: Any) -> TypeGuard[float]:
     """Tell whether a value is a number; true and false are not."""
-    return isinstance(value, int | float) and not isinstance(value, bool)
+    return isinstance(value, _NUMBERS) and not isinstance(value, bool)
 
 
 def _check_number(value: float, flaws: Flaws, path: Path) -> bool:

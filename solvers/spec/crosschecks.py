@@ -21,7 +21,16 @@ from solvers.spec.faults import Flaws, Path
 from solvers.spec.matrices import MatrixOf, matrix_rows
 from solvers.spec.modal_checks import check_modal
 from solvers.spec.piecewise_checks import check_piecewise
-from solvers.spec.scope import MAX_NAME, MAX_STATES, VIBRATION_ENERGY, Scope, has_elastic_coordinates, mapping
+from solvers.spec.scenarios import MAX_CASES, check_cases
+from solvers.spec.scope import (
+    MAX_NAME,
+    MAX_STATES,
+    VIBRATION_ENERGY,
+    Scope,
+    has_elastic_coordinates,
+    mapping,
+    read_scope,
+)
 from solvers.spec.support import check_support
 from solvers.spec.values import FREE, Interval, inside
 
@@ -42,11 +51,31 @@ def cross_check(scope: Scope) -> Flaws:
     _check_design(scope, flaws)
     _check_guess(scope, flaws)
     check_support(scope, flaws)
+    check_cases(scope, flaws)
+    _check_each_case(scope, flaws)
     if scope.known and scope.axes:
         check_modal(scope, flaws)
     elif scope.known and scope.coordinates:
         _check_mass(scope, flaws)
     return flaws
+
+
+def _check_each_case(scope: Scope, flaws: Flaws) -> None:
+    """What would be wrong with the document if a case were all of it, and is not wrong without the case."""
+    problem = scope.problem
+    cases = mapping(problem.get("scenarios")).get("cases")
+    if not isinstance(cases, list) or flaws.found or not scope.known:
+        return
+    for index, case in enumerate(map(mapping, cases[:MAX_CASES])):
+        model = mapping(problem.get("model"))
+        parameters = {**mapping(model.get("parameters")), **mapping(case.get("parameters"))}
+        alone = {key: value for key, value in problem.items() if key != "scenarios"}
+        alone["model"] = {**model, "parameters": parameters}
+        for key in ("initial_state", "final_state", "bounds"):
+            alone[key] = {**mapping(problem.get(key)), **mapping(case.get(key))}
+        for fault in cross_check(read_scope({**scope.document, "problem": alone})).faults():
+            detail = f"in this case {fault.pointer}: {fault.detail}"
+            flaws.add(detail, "problem", "scenarios", "cases", index, type=fault.type)
 
 
 def _check_names(scope: Scope, flaws: Flaws) -> None:

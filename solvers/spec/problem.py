@@ -21,6 +21,7 @@ from solvers.spec.fields import (
 )
 from solvers.spec.histories import HistoryTable, ResultNodes, TimeList
 from solvers.spec.models import FirstOrderModel, MechanicalModel, SubmittedModel, written_out
+from solvers.spec.scenarios import Scenarios
 from solvers.spec.tables import MAX_UNIT, BoundTable, UnitTable
 from solvers.spec.values import FREE, BoundValue, Interval, Value, bound_interval, evaluate_constant
 
@@ -189,8 +190,8 @@ class ProblemSpec(SpecModel):
     """Expressions that are sampled and drawn with states and controls."""
     data: Annotated[None, Unsupported("data tables are")] = None
     """Tables over time; not in this version."""
-    scenarios: Annotated[None, Unsupported("scenarios are")] = None
-    """One command for several plants; not in this version."""
+    scenarios: Scenarios | None = None
+    """One command for several plants."""
     phases: Annotated[None, Unsupported("phases are")] = None
     """Several problems in sequence; not in this version."""
     links: Annotated[None, Unsupported("links between phases are")] = None

@@ -27,6 +27,9 @@ def check_support(scope: Scope, flaws: Flaws) -> None:
         for place, what in not_refined(scope.problem):
             detail = f"unsupported: {what} with refine 'switching' is not in this version"
             flaws.add(detail, "problem", *place, type="unsupported")
+    if method.get("name") == "ga" and scope.problem.get("scenarios"):
+        detail = "unsupported: scenarios with the method ga are not in this version"
+        flaws.add(detail, "problem", "scenarios", type="unsupported")
     if method.get("name") == "piecewise":
         for place, what in _not_flown(scope.document):
             detail = f"unsupported: {what} with the method piecewise is not in this version"

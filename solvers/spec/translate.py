@@ -29,6 +29,7 @@ from solvers.spec.problem import (
     PathConstraint,
     ProblemSpec,
 )
+from solvers.spec.scenarios import Scenarios, ScenarioSpec
 from solvers.spec.scope import Scope
 from solvers.spec.webhook import Webhook
 
@@ -52,6 +53,8 @@ _OBJECTS: dict[str, type[SpecModel]] = {
     "integrals": Integral,
     "design": DesignSpec,
     "modes": Mode,
+    "scenarios": Scenarios,
+    "cases": ScenarioSpec,
     "guess": Guess,
     "options": Options,
     "verification": Verification,

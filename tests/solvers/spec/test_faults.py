@@ -341,7 +341,6 @@ UNSUPPORTED: list[tuple[dict[str, Any], str]] = [
     ),
     ({"/problem/final_control": {"T": 0}, "/method/refine": "switching"}, "/problem/final_control/T"),
     ({"/problem/data": {"Td": {"x": [0, 1], "values": [0, 1]}}}, "/problem/data"),
-    ({"/problem/scenarios": {"cases": [{"name": "soft"}]}}, "/problem/scenarios"),
     ({"/problem/phases": [{}]}, "/problem/phases"),
     ({"/problem/links": [{}]}, "/problem/links"),
     ({"/problem/objective": {"maximum": "alpha^2"}}, "/problem/objective/maximum"),
