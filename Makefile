@@ -5,7 +5,8 @@
 #   make check   lint, types, arrows between the packages
 #   make serve   run the service on http://127.0.0.1:8000
 #   make bench   the benchmark tables
-#   make soak    a service with production values to which a thousand faults happen (about half an hour)
+#   make soak    a service with production values to which a thousand faults happen (about half an hour), then
+#                missions from every side of the Earth (some minutes)
 #   make bench-peers   the same problems by other libraries, each installed into .venv-peers (about 10 minutes)
 
 PYTHON ?= python3
@@ -64,6 +65,7 @@ test: check
 
 soak: $(VENV)/.installed-dev
 	$(BIN)/python -m tests.faults.soak
+	$(BIN)/python benchmarks/soak/piecewise.py
 
 clean:
 	rm -rf $(VENV) build dist *.egg-info .mypy_cache .ruff_cache .pytest_cache .hypothesis .import_linter_cache

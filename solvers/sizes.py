@@ -99,8 +99,9 @@ def _mission_size(problem: OptimalControlProblem, method: PiecewiseMethod) -> Pr
     ahead = plan.intervals_ahead(0)
     nodes = 2 * (plan.nodes + ahead) + 1
     places = nodes + (ahead > 0)
-    variables = (len(driven) + len(problem.controls)) * nodes + bounded * plan.nodes + 2
-    rows = len(driven) * (nodes - 1) + 2 * bounded * plan.nodes
+    soft = plan.nodes if ahead else nodes - 1
+    variables = (len(driven) + len(problem.controls)) * nodes + bounded * soft + 2
+    rows = len(driven) * (nodes - 1) + 2 * bounded * soft
     rows += len(problem.path) * places + len(problem.boundary)
     prediction = _timed(ProblemSize(variables, rows, nodes, 0.0), 0.0)
     return replace(prediction, seconds=_START_SECONDS + plan.count * prediction.seconds)

@@ -17,7 +17,7 @@ from solvers.piecewise.mission import Mission, Segment
 from solvers.piecewise.pieces import Pieces
 from solvers.piecewise.plant import Plant
 from solvers.piecewise.setup import Setup
-from solvers.piecewise.verify import verify_mission
+from solvers.piecewise.verify import ends_of, verify_mission
 from solvers.problem import OptimalControlProblem
 from solvers.report import constraint_margins
 from solvers.solution import Solution, Statistics
@@ -159,14 +159,7 @@ def _cut(pieces: Pieces, slopes: Vector, end: float) -> tuple[Vector, Vector, Ve
 def _objective(problem: OptimalControlProblem, trajectory: Trajectory, running: float) -> float:
     if problem.terminal_cost is None:
         return running
-    edges = np.array([0.0, 1.0])
-    states, controls = trajectory.states_at(edges), trajectory.controls_at(edges)
-    scope = problem.ends_scope(
-        (states[:, 0], controls[:, 0], trajectory.t0),
-        (states[:, 1], controls[:, 1], trajectory.tf),
-        problem.parameters,
-        NUMPY,
-    )
+    scope = ends_of(problem, trajectory)
     return running + float(problem.terminal_cost.evaluate(scope, NUMPY.functions))
 
 

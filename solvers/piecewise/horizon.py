@@ -4,12 +4,12 @@ Decision vector, n driven states, m controls, 2 (K1 + K2) + 1 nodes, the first 2
 
     x_i: node 0, middle 0, node 1, ...        (a column for each driven state)
     u_j: the same instants
-    s_b: at the nodes of the segment's first half, how far a bounded state is outside
+    s_b: at the first nodes after the start, how far a bounded state is outside
     d1, d2: lengths of the segment and of the rest
 
 Hermite-Simpson defects on every interval. The segment begins where the plant will be, which may be outside
-the bounds: there they are soft, with an exact penalty. Lengths are fixed, or free with a state that is given
-at the ends of both parts. One structure serves all segments alike; whatever changes is a number.
+the bounds: at the first nodes they are soft, with an exact penalty. Lengths are fixed, or free with a state
+that is given at the ends of both parts. One structure serves all segments alike; what changes is numbers.
 
 Source: Zhu, Shi, "Piecewise Parallel Optimal Algorithm", IntechOpen 2018, doi 10.5772/intechopen.76625;
 Kerrigan, Maciejowski, "Soft constraints and exact penalty functions in model predictive control", 2000.
@@ -76,11 +76,15 @@ class Wanted:
 
 @dataclass
 class Horizon:
-    """The program for K1 = ``nodes`` intervals of a segment and K2 = ``rest`` after it, which may be none."""
+    """The program for K1 = ``nodes`` intervals of a segment and K2 = ``rest`` after it, which may be none.
+
+    Bounds are soft at the ``soft`` nodes after the start.
+    """
 
     model: SimpleModel
     nodes: int
     rest: int
+    soft: int
     scales: Scales
     smoothing: float
     builder: ProgramBuilder = field(default_factory=ProgramBuilder, init=False)
@@ -121,8 +125,8 @@ class Horizon:
 
     @property
     def soft_nodes(self) -> NDArray[np.intp]:
-        """The nodes with soft bounds: after the start, the first half of the segment."""
-        return np.arange(1, self.nodes + 1)
+        """The nodes with soft bounds."""
+        return np.arange(1, self.soft + 1)
 
     @property
     def bounded(self) -> list[int]:

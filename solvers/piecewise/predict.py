@@ -15,7 +15,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from solvers.optimizers.ipopt import Ipopt, Iterate, Limits
+from solvers.optimizers.ipopt import Ipopt, Iterate, Limits, Outcome
 from solvers.piecewise.flow import Flow, RunawayError
 from solvers.piecewise.horizon import Horizon, Wanted
 from solvers.piecewise.plan import Plan
@@ -23,6 +23,7 @@ from solvers.piecewise.reference import Reference
 from solvers.piecewise.setup import Setup
 from solvers.piecewise.simple import SimpleModel
 from solvers.piecewise.track import Tracker
+from solvers.status import SolveStatus
 
 Vector = NDArray[np.float64]
 
@@ -42,7 +43,8 @@ class Predictor:
         self._plan: Plan = setup.plan
         self._tracker: Tracker = setup.tracker
         self._flow = Flow(self._model.whole_rate, _FLIGHT_TOLERANCE)
-        self._horizons: dict[tuple[int, int, bool], tuple[Horizon, Ipopt]] = {}
+        self._horizons: dict[tuple[int, int], Horizon] = {}
+        self._optimizers: dict[tuple[int, int, bool], Ipopt] = {}
         self._solution: tuple[Vector, Vector, Vector] | None = None  # times, states, controls of the last one
         self._ends: list[Vector] = []  # where each segment was expected to end when it began
 
@@ -88,53 +90,62 @@ class Predictor:
         return self._flow.fly(x, t0, t1, u0, u1)
 
     def predict(self, index: int, start: Vector, at: float, limits: Limits) -> Reference:
-        """The prediction of segment ``index`` from all states at a time."""
+        """The prediction of segment ``index`` from all states at a time.
+
+        Where the bounds cannot be held from this start they are made soft over the whole horizon.
+        """
         started = time.perf_counter()
-        horizon, wanted = self._wanted(index, start, at)
-        program = horizon.program(wanted)
-        key = (horizon.nodes, horizon.rest, self._solution is None)
-        known = self._horizons.get(key)
-        if known is None:
-            optimizer = Ipopt(
-                program,
-                tolerance=self._setup.tolerance,
-                max_iterations=self._setup.max_iterations,
-                warm=self._solution is not None,
-                barrier=_BARRIER,
-            )
-            self._horizons[key] = known = (horizon, optimizer)
-        outcome = known[1].minimise(program, limits, _unheard)
+        plan = self._plan
+        rest = plan.intervals_ahead(index)
+        everywhere = 2 * (plan.nodes + rest)
+        soft = plan.nodes if rest else everywhere
+        horizon, wanted, outcome = self._solve(index, start, at, limits, rest, soft)
+        if outcome.status is SolveStatus.INFEASIBLE and soft < everywhere:
+            horizon, wanted, outcome = self._solve(index, start, at, limits, rest, everywhere)
         states, controls, lengths = horizon.read(outcome.unknowns)
-        segment = slice(0, horizon.boundary_node + 1)
         times = at + horizon.times(lengths)[horizon.place_of_node]
         self._solution = (times, states, controls)
+        segment = slice(0, horizon.boundary_node + 1)
+        driven, outside = list(self._model.driven), list(self._model.exogenous)
         whole = np.empty((start.size, horizon.boundary_node + 1))
-        whole[list(self._model.driven)] = states[:, segment]
-        outside = len(self._model.exogenous)
-        whole[list(self._model.exogenous)] = wanted.numbers[:outside, segment]
-        numbers = wanted.numbers[:, segment] if self._model.known_times else times[None, segment]
+        whole[driven], whole[outside] = states[:, segment], wanted.numbers[: len(outside), segment]
         return Reference(
             index=index,
             times=times[segment],
             states=whole,
             controls=controls[:, segment],
-            numbers=numbers,
+            numbers=wanted.numbers[:, segment] if self._model.known_times else times[None, segment],
             objective=outcome.objective * self._setup.scales.objective,
             status=outcome.status,
             solver_status=outcome.solver_status,
             iterations=outcome.iterations,
-            variables=program.variables,
-            constraints=program.constraints,
+            variables=horizon.builder.size,
+            constraints=horizon.builder.row_count,
             seconds=time.perf_counter() - started,
         )
 
-    def _wanted(self, index: int, start: Vector, at: float) -> tuple[Horizon, Wanted]:
-        setup, plan, model = self._setup, self._plan, self._model
-        rest = plan.intervals_ahead(index)
-        known = next(
-            (item for key, (item, _) in self._horizons.items() if key[:2] == (plan.nodes, rest)), None
+    def _solve(
+        self, index: int, start: Vector, at: float, limits: Limits, rest: int, soft: int
+    ) -> tuple[Horizon, Wanted, Outcome]:
+        setup, warm = self._setup, self._solution is not None
+        horizon = self._horizons.get((rest, soft)) or Horizon(
+            self._model, self._plan.nodes, rest, soft, setup.scales, setup.smoothing
         )
-        horizon = known or Horizon(model, plan.nodes, rest, setup.scales, setup.smoothing)
+        self._horizons[rest, soft] = horizon
+        wanted = self._wanted(horizon, index, start, at)
+        program = horizon.program(wanted)
+        optimizer = self._optimizers.get((rest, soft, warm)) or Ipopt(
+            program,
+            tolerance=setup.tolerance,
+            max_iterations=setup.max_iterations,
+            warm=warm,
+            barrier=_BARRIER,
+        )
+        self._optimizers[rest, soft, warm] = optimizer
+        return horizon, wanted, optimizer.minimise(program, limits, _unheard)
+
+    def _wanted(self, horizon: Horizon, index: int, start: Vector, at: float) -> Wanted:
+        setup, plan, model = self._setup, self._plan, self._model
         nodes, part = horizon.places
         guess = self._guess(horizon, index, at)
         if model.known_times:
@@ -143,13 +154,13 @@ class Predictor:
             lengths = np.repeat(guess[2][:, None], 2, axis=1)
         else:
             numbers = np.vstack([np.full(part.size, at), horizon.local])
-            shortest = _SHORTEST * guess[2] if rest else _SHORTEST * guess[2] * [1, 0]
-            lengths = np.column_stack([shortest, [np.inf, np.inf if rest else 0.0]])
+            # Without a rest its length is guessed, and fixed, as zero.
+            lengths = np.column_stack([_SHORTEST * guess[2], [np.inf, np.inf if horizon.rest else 0.0]])
         driven = list(model.driven)
         ends = self._ends_of(index)
         problem = model.problem
         closed = np.array([item.interval for item in problem.boundary], np.float64).reshape(-1, 2)
-        wanted = Wanted(
+        return Wanted(
             start=start[driven],
             initial=start.tolist(),
             time=at,
@@ -162,7 +173,6 @@ class Predictor:
             boundary=closed if plan.sees_the_end(index) else np.tile([-np.inf, np.inf], (closed.shape[0], 1)),
             guess=guess,
         )
-        return horizon, wanted
 
     def _ends_of(self, index: int) -> tuple[Vector, Vector]:
         """What the driven states must be where the segment and the horizon end."""

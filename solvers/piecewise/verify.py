@@ -18,6 +18,7 @@ from solvers.backends import NUMPY
 from solvers.piecewise.equations import Equations
 from solvers.piecewise.pieces import Pieces
 from solvers.piecewise.plant import Plant
+from solvers.problem import OptimalControlProblem
 from solvers.trajectory import Trajectory
 from solvers.verify import (
     SMALLEST_SCALE,
@@ -101,16 +102,18 @@ def verify_mission(
 
 
 def _missed_end(plant: Plant, trajectory: Trajectory, scale: Vector) -> float:
-    problem, edges = plant.problem, np.array([0.0, 1.0])
+    problem = plant.problem
+    end = trajectory.states_at(np.array([1.0]))
+    final = scaled_violation(end, np.array(problem.final_state), scale)
+    return max(final, largest_violation(problem.boundary, ends_of(problem, trajectory)))
+
+
+def ends_of(problem: OptimalControlProblem, trajectory: Trajectory) -> dict[str, Any]:
+    """Both ends of a trajectory as expressions there know them."""
+    edges = np.array([0.0, 1.0])
     states, controls = trajectory.states_at(edges), trajectory.controls_at(edges)
-    scope = problem.ends_scope(
-        (states[:, 0], controls[:, 0], trajectory.t0),
-        (states[:, 1], controls[:, 1], trajectory.tf),
-        problem.parameters,
-        NUMPY,
-    )
-    final = scaled_violation(states[:, 1:], np.array(problem.final_state), scale)
-    return max(final, largest_violation(problem.boundary, scope))
+    first, last = zip(states.T, controls.T, (trajectory.t0, trajectory.tf), strict=True)
+    return problem.ends_scope(first, last, problem.parameters, NUMPY)
 
 
 def _errors(plant: Plant, pieces: Pieces, deadline: float) -> Vector:
