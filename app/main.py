@@ -11,6 +11,7 @@ from fastapi import FastAPI
 from app import errors, openapi
 from app.auth import Gate
 from app.middleware import BodyLimit, HostGuard, RequestContext
+from app.observed import Observed
 from app.routes import catalogue, events, health, jobs, pages, results, sweeps
 from app.service import Service
 from app.settings import Settings
@@ -54,5 +55,6 @@ def create_app(settings: Settings | None = None) -> FastAPI:
     app.add_middleware(BodyLimit, limit=settings.body_bytes)
     app.add_middleware(Gate, doorkeeper=service.doorkeeper)
     app.add_middleware(HostGuard, names=LOOPBACK_NAMES | set(settings.allowed_hosts))
+    app.add_middleware(Observed)
     app.add_middleware(RequestContext)
     return app

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import logging
 import os
 import resource
 import socket
 
+from worker import logs, traces
 from worker.settings import WorkerSettings
 
 
@@ -14,7 +16,7 @@ def run(
     concurrency: int | None = None,
     *,
     name: str | None = None,
-    log_level: str = "INFO",
+    log_level: str | None = None,
 ) -> int:
     """Work until SIGTERM or SIGINT; return the exit status.
 
@@ -25,11 +27,12 @@ def run(
     # A child solves one job on one core; the linear algebra must know before it is loaded.
     os.environ["OMP_NUM_THREADS"] = "1"
     os.environ["OPENBLAS_NUM_THREADS"] = "1"
+    traces.require()
     settings = WorkerSettings() if broker is None else WorkerSettings(broker=broker)
     slots = concurrency or os.cpu_count() or 1
 
     # Imported here, once, in the parent: the children are forked with everything loaded.
-    from celery.signals import worker_process_init
+    from celery.signals import setup_logging, worker_process_init, worker_process_shutdown
 
     from solvers.warmup import warm_up
     from worker.consumer import PromptConsumer
@@ -61,7 +64,18 @@ def run(
         # Beyond it an allocation fails, which ends one job; without it the kernel ends whom it likes.
         resource.setrlimit(resource.RLIMIT_AS, (settings.memory_mib * 2**20, resource.RLIM_INFINITY))
 
+    def start_traces(**_: object) -> None:
+        # In each child: a thread that sends does not survive a fork.
+        traces.start("ondelette-worker")
+
+    def write_logs(loglevel: int | str, **_: object) -> None:
+        logs.set_up(settings.log_format, logging.getLevelName(loglevel))
+
     worker_process_init.connect(limit_memory, weak=False)
+    worker_process_init.connect(start_traces, weak=False)
+    worker_process_shutdown.connect(lambda **_: traces.flush(), weak=False)
+    # That somebody listens keeps Celery from logging in its own way.
+    setup_logging.connect(write_logs, weak=False)
     worker = PatientWorker(
         app=celery,
         store=JobStore(connect(settings), settings),
@@ -70,7 +84,7 @@ def run(
         pool="prefork",
         consumer_cls=PromptConsumer,
         concurrency=slots,
-        loglevel=log_level,
+        loglevel=log_level or settings.log_level,
         quiet=True,
         without_gossip=True,
         without_mingle=True,

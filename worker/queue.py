@@ -16,11 +16,14 @@ from redis.exceptions import RedisError
 
 from worker.address import celery_url
 from worker.errors import QueueUnavailable
+from worker.logs import request_id
 from worker.priorities import queue_of
 from worker.records import JobRecord, Priority
 from worker.settings import QueueSettings
+from worker.traces import carried
 
 _PUBLISHED = "published"
+REQUEST_HEADER = "request_id"
 SOLVE_TASK = "ondelette.solve"
 MAX_JOB_SECONDS = 3600
 """Largest options.max_seconds of a document, in seconds."""
@@ -80,6 +83,12 @@ def make_celery(settings: QueueSettings) -> Celery:
     return celery
 
 
+def _about() -> dict[str, str]:
+    """What a message carries of the request that it comes from: its id, and the context of its trace."""
+    request = request_id.get()
+    return carried() if request is None else {REQUEST_HEADER: request, **carried()}
+
+
 class JobQueue:
     """Where jobs wait. Safe to share between threads."""
 
@@ -98,7 +107,7 @@ class JobQueue:
                 args=[record.id],
                 task_id=record.id,
                 queue=queue_of(record.priority),
-                headers={_PUBLISHED: time.time()},
+                headers={_PUBLISHED: time.time(), **_about()},
                 time_limit=math.ceil(record.max_seconds + self._beyond),
                 retry=True,
                 retry_policy={"max_retries": 1, "interval_start": 0.1, "interval_step": 0.2},

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Self
+from typing import Literal, Self
 
 from pydantic import Field, field_validator, model_validator
 from pydantic_settings import BaseSettings, SettingsConfigDict
@@ -19,6 +19,10 @@ class QueueSettings(BaseSettings):
         default="redis://127.0.0.1:6379/0", description="Address of the Redis or Valkey server."
     )
     prefix: str = Field(default="ondelette:", description="Prefix of every key in the server.")
+    log_format: Literal["text", "json"] = Field(default="text", description="How log lines are written.")
+    log_level: Literal["DEBUG", "INFO", "WARNING", "ERROR"] = Field(
+        default="INFO", description="The least that is logged."
+    )
     retention_days: float = Field(default=30.0, gt=0, description="How long a finished job is kept, in days.")
     grace_seconds: float = Field(
         default=30.0,

@@ -15,18 +15,20 @@ from typing import Any, cast
 from celery import Task
 from celery.exceptions import Reject, WorkerLostError
 from celery.worker.request import Request
+from opentelemetry.trace import SpanKind
 from redis.exceptions import RedisError
 
 from solvers.solve import solve
 from solvers.spec import JobSpec, check_document, parse_document
 from solvers.status import SolveStatus
 from solvers.trajectory import Trajectory
-from worker import outcome
+from worker import outcome, traces
 from worker.errors import JobGone, JobNotFound
+from worker.logs import about
 from worker.neighbours import Neighbours
 from worker.patience import patiently, process_limit
 from worker.progress import StoreProgress
-from worker.queue import SOLVE_TASK
+from worker.queue import REQUEST_HEADER, SOLVE_TASK
 from worker.records import SweepPlace
 from worker.store import JobStore, new_owner, solver_of
 
@@ -178,6 +180,14 @@ class SolveTask(Task):  # type: ignore[type-arg]
 
     def run(self, job_id: str) -> None:
         """Solve the job; gives the message back if the store stays away."""
+        headers = self.request.headers or {}
+        with (
+            about(request=headers.get(REQUEST_HEADER), job=job_id),
+            traces.span("solve", SpanKind.CONSUMER, headers=headers, **{"ondelette.job_id": job_id}),
+        ):
+            self._solve(job_id)
+
+    def _solve(self, job_id: str) -> None:
         try:
             solver = solver_of(self.request.hostname, os.getpid())
             redelivered = bool((self.request.delivery_info or {}).get("redelivered"))

@@ -15,6 +15,7 @@ from app.cli.bench import bench
 from app.cli.cases import case, cases
 from app.cli.common import CommandGroup
 from app.cli.demo import demo
+from app.cli.doctor import doctor
 from app.cli.jobs import cancel, list_jobs, result, submit, watch
 from app.cli.keys import keys
 from app.cli.replay import replay
@@ -42,6 +43,7 @@ for command in (
     cases,
     case,
     keys,
+    doctor,
     demo,
     bench,
 ):

@@ -24,20 +24,27 @@ data_option = click.option(
 )
 
 
+def broker_or_embedded(broker: str | None, data: Path | None) -> str | None:
+    """The address of the broker that is named, or of the one embedded in ``data``; None for neither."""
+    from app.embedded.broker import address_of
+
+    if data is None:
+        return broker
+    if broker is not None:
+        fail("give either --broker or --data", ExitCode.BAD_INPUT)
+    address = address_of(data)
+    if address is None:
+        fail(f"no service has kept its data in {data}", ExitCode.BAD_INPUT)
+    return address
+
+
 def open_store(broker: str | None, data: Path | None) -> KeyStore:
     """The keys of the broker that is named, or of the one that is embedded in ``data``."""
-    from app.embedded.broker import address_of
     from worker.keys import KeyStore
     from worker.settings import QueueSettings
     from worker.store import connect
 
-    if data is not None:
-        if broker is not None:
-            fail("give either --broker or --data", ExitCode.BAD_INPUT)
-        broker = address_of(data)
-        if broker is None:
-            fail(f"no service has kept its data in {data}", ExitCode.BAD_INPUT)
-    settings = load(QueueSettings, broker)
+    settings = load(QueueSettings, broker_or_embedded(broker, data))
     return KeyStore(connect(settings), settings)
 
 

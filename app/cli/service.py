@@ -164,13 +164,21 @@ def api(host: str, port: int, broker: str | None, insecure: bool, fd: int | None
     import uvicorn
 
     from app.main import create_app
+    from worker import logs, traces
+
+    logs.set_up(settings.log_format, settings.log_level)
+    traces.start("ondelette-api")
 
     # uvicorn stops in order at a signal and then raises it again; asked to stop is no failure.
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: sys.exit(ExitCode.SUCCESS))
     # Whoever waits on a long poll is let go after 2 s, so that stopping is quick.
     config = uvicorn.Config(
-        create_app(settings), access_log=False, server_header=False, timeout_graceful_shutdown=2
+        create_app(settings),
+        access_log=False,
+        log_config=None,
+        server_header=False,
+        timeout_graceful_shutdown=2,
     )
     uvicorn.Server(config).run(sockets=[listener])
 
