@@ -87,6 +87,21 @@ class LinearCurve:
 
 
 @dataclass(frozen=True)
+class StepCurve:
+    """``values`` (K,), each held from one of the ``edges`` (K + 1, from 0 to 1) to the next."""
+
+    edges: Vector
+    values: Vector
+
+    def __call__(self, tau: Vector, derivative: int = 0) -> Vector:
+        """See :class:`Curve`."""
+        if derivative:
+            return np.zeros_like(tau)
+        piece = np.clip(np.searchsorted(self.edges, tau, side="right") - 1, 0, self.values.size - 1)
+        return np.asarray(self.values[piece], np.float64)
+
+
+@dataclass(frozen=True)
 class QuadraticCurve:
     """A continuous piecewise quadratic by values at the knots and the midpoints between them."""
 

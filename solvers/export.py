@@ -61,3 +61,27 @@ def to_mat(result: Mapping[str, Any]) -> bytes:
     # scipy takes open files too, which its stubs do not know.
     savemat(buffer, content, long_field_names=True, oned_as="column")  # type: ignore[arg-type]
     return buffer.getvalue()
+
+
+def command_csv(command: Mapping[str, Any]) -> str:
+    """A command table: a header of ``t`` and controls, then a row for each period."""
+    return trajectory_csv({"t": command["t"], "controls": command["controls"]})
+
+
+def command_mat(command: Mapping[str, Any]) -> bytes:
+    """A MATLAB 5 file with the structure ``command`` that Simulink's From Workspace block reads.
+
+    ``time`` (K x 1), ``signals.values`` (K x m), ``signals.dimensions`` m, ``signals.label`` the names. Set
+    the block to hold values between the times (interpolate data off).
+    """
+    from scipy.io import savemat
+
+    names = list(command["controls"])
+    values = np.array([command["controls"][name] for name in names], dtype=np.float64).T
+    signals = {"values": values, "dimensions": float(len(names)), "label": ", ".join(names)}
+    time = np.array(command["t"], dtype=np.float64)[:, None]
+    content = {"command": {"time": time, "signals": signals}, "period": float(command["period"])}
+    buffer = io.BytesIO()
+    # scipy takes open files too, which its stubs do not know.
+    savemat(buffer, content, long_field_names=True)  # type: ignore[arg-type]
+    return buffer.getvalue()

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from solvers.aftermath import TooManyRowsError, coasted, commanded
 from solvers.coefficients import encode
 from solvers.problem import OptimalControlProblem
 from solvers.report import constraint_margins
@@ -134,9 +135,25 @@ class Solution:
             "phases": [phase],
             **self.extras,
         }
+        plain |= self._asked_for()
         if self.plants:
             plain["scenarios"] = {answer.plant.name: self._scenario(answer) for answer in self.plants}
         return {key: _finite(value) for key, value in plain.items()}
+
+    def _asked_for(self) -> dict[str, Any]:
+        """The command table and the coasting, where the document asks for them."""
+        output, problem, found = self.spec.output, self.spec.problem, dict[str, Any]()
+        if output.command is not None:
+            answers = [answer.trajectory for answer in self.plants] or [self.trajectory]
+            try:
+                found["command"] = commanded(problem, output.command, answers, output.coast)
+            except TooManyRowsError as error:
+                found["command"] = None
+                warning = {"code": "no_command", "pointer": "/output/command/period", "detail": str(error)}
+                found["warnings"] = [*self.warnings, warning]
+        if output.coast is not None:
+            found["coast"] = coasted(problem, self.trajectory, output.coast)
+        return found
 
     def _scenario(self, answer: PlantAnswer) -> dict[str, Any]:
         """The entry of one of several plants."""

@@ -5,6 +5,7 @@ expressions), and the functions below turn them into numbers and intervals.
 """
 
 from solvers.spec.check import check_document, job_schema
+from solvers.spec.command import CommandSpec
 from solvers.spec.document import parse_document
 from solvers.spec.genetic import GeneticMethod
 from solvers.spec.job import JobSpec, Options, Output, Verification
@@ -50,6 +51,7 @@ __all__ = [
     "AutoMethod",
     "BoundValue",
     "BoundaryConstraint",
+    "CommandSpec",
     "DesignSpec",
     "FirstOrderModel",
     "GaussPseudospectralMethod",

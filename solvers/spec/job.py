@@ -7,8 +7,9 @@ from typing import Annotated, Any, Literal
 from pydantic import Field
 
 from solvers.spec.base import SpecModel
+from solvers.spec.command import CommandSpec
 from solvers.spec.faults import Flaws, kind_of, refuse
-from solvers.spec.fields import Check, Count, Flag, FreeObject, Real, Text, Unsupported
+from solvers.spec.fields import Check, Count, Flag, FreeObject, Real, Text
 from solvers.spec.methods import AutoMethod, Method
 from solvers.spec.problem import ProblemSpec
 from solvers.spec.resolution import Resolution, resolve
@@ -105,10 +106,10 @@ class Output(SpecModel):
 
     samples: Annotated[int, Count(2, 20_001, "samples")] = 201
     """Number of equidistant samples of the trajectory."""
-    command: Annotated[None, Unsupported("command tables are")] = None
-    """Table for an on-board computer; not in this version."""
-    coast: Annotated[None, Unsupported("coasting is")] = None
-    """Seconds to fly on at zero control; not in this version."""
+    command: CommandSpec | None = None
+    """Table for an on-board computer, flown as it is."""
+    coast: Annotated[float, Real(above=0, limit=1e6, unit=" s")] | None = None
+    """Seconds to fly on at zero control, for the vibration that is left."""
 
 
 class JobSpec(SpecModel):

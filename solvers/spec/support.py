@@ -44,6 +44,9 @@ def _not_flown(document: dict[str, Any]) -> Iterator[tuple[Path, str]]:
             yield ("problem", key), f"'{key}'"
     for index in _windows(problem):
         yield ("problem", "path_constraints", index, "during"), "a window of a path constraint"
+    for key in ("command", "coast"):
+        if mapping(document.get("output")).get(key) is not None:
+            yield ("output", key), f"'{key}'"
     if document.get("warm_start") is not None:
         yield ("warm_start",), "'warm_start'"
     if mapping(document.get("options")).get("starts") not in (None, 1):

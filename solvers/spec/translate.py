@@ -12,6 +12,7 @@ from pydantic_core import ErrorDetails
 from solvers.errors import Fault
 from solvers.expressions import quoted
 from solvers.spec.base import SpecModel
+from solvers.spec.command import CommandSpec
 from solvers.spec.faults import MAX_FAULTS, Flaw, Flaws, Path, kind_of, pointer
 from solvers.spec.job import JobSpec, Options, Output, Verification
 from solvers.spec.method_model import SplineAdaptivity
@@ -59,6 +60,7 @@ _OBJECTS: dict[str, type[SpecModel]] = {
     "options": Options,
     "verification": Verification,
     "output": Output,
+    "command": CommandSpec,
     "webhook": Webhook,
     "adaptive": SplineAdaptivity,
     "segments": Segments,

@@ -351,8 +351,6 @@ UNSUPPORTED: list[tuple[dict[str, Any], str]] = [
         },
         "/problem/path_constraints/0/during",
     ),
-    ({"/output/command": {"period": 0.1}}, "/output/command"),
-    ({"/output/coast": 10}, "/output/coast"),
 ]
 
 

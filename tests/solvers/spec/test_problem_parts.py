@@ -62,6 +62,17 @@ FAULTS += [
         "cannot be used here",
     ),
 ]
+FAULTS += [
+    ({"/output/command": {}}, "/output/command/period", "is required"),
+    ({"/output/command": {"period": 0}}, "/output/command/period", "greater than 0"),
+    ({"/output/command": {"period": 1, "rule": "mean"}}, "/output/command/rule", "'average' or 'sample'"),
+    ({"/output/command": {"period": 1, "delay": -1}}, "/output/command/delay", "at least 0"),
+    ({"/output/command": {"period": 1, "quantum": {"T": 0}}}, "/output/command/quantum/T", "greater than 0"),
+    ({"/output/command": {"period": 1, "quantum": {"U": 1}}}, "/output/command/quantum/U", "unknown control"),
+    ({"/output/command": {"periode": 1, "period": 1}}, "/output/command/periode", "'period'"),
+    ({"/output/coast": -1}, "/output/coast", "greater than 0"),
+    ({"/output/coast": "long"}, "/output/coast", "unknown name"),
+]
 WINDOWS: list[tuple[Any, str, str]] = [
     ([0.5, 0.2], "", "start <= end"),
     ([0, 2], "", "<= 1"),
