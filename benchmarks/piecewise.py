@@ -21,11 +21,11 @@ import numpy as np
 from solvers.catalogue import load_case
 from solvers.piecewise.messages import First
 from solvers.piecewise.mission import Mission, fly_mission
-from solvers.piecewise.plant import Plant, PlantFlight
+from solvers.piecewise.plant import Plant
+from solvers.piecewise.plant_flight import CompiledPlant, PlantFlight
 from solvers.piecewise.remote import LocalPredictor, RemotePredictor
 from solvers.piecewise.setup import Setup
 from solvers.piecewise.stop import StopWatch
-from solvers.piecewise.track import Track
 from solvers.progress import SilentProgress
 from solvers.solve import solve
 from solvers.spec import check_document
@@ -108,13 +108,13 @@ def on_off(name: str) -> str:
     setup = Setup.of(spec)
     problem = setup.problem
     plant = Plant.of(spec.problem, setup.method.plant, problem)
-    flight, stop = PlantFlight(plant), StopWatch.of(setup)
+    flight, stop = PlantFlight(CompiledPlant(plant)), StopWatch.of(problem, setup.method)
     start = np.array([interval[0] for interval in problem.initial_state])
     state, t, met = np.append(plant.begin(start, 0.0), 0.0), 0.0, None
     pitch = roll = on_again = charged = 0.0
     length, step = float(setup.method.segments.length or 0.0), 60.0
     while met is None and t < problem.final_time[1]:
-        times, states, seen = [t], [state], [flight.see(state, t)]
+        times, seen = [t], [flight.see(state, t)]
         while t < times[0] + length - 1e-6:
             pitched, rising = seen[-1][:2]
             if t >= on_again and pitched > ON_OFF_PITCH and rising > 0.0:
@@ -124,12 +124,10 @@ def on_off(name: str) -> str:
             state = flight.fly(state, t, t + step, current, current)
             t += step
             times.append(t)
-            states.append(state)
             seen.append(flight.see(state, t))
         shown = np.array(seen).T
         pitch, roll = max(pitch, np.abs(shown[0]).max()), max(roll, np.abs(shown[2]).max())
-        nothing = np.zeros((len(times) - 1, 1))
-        met = stop.met(Track(np.array(times), np.array(states), shown, nothing, nothing))
+        met = stop.met(np.array(times), shown)
     hours = "never" if met is None else f"{met / 3600:.1f} h"
     angles = f"{math.degrees(pitch):.0f}, {math.degrees(roll):.0f} deg"
     return f"| on-off, {name} | {hours} | {angles} | {charged / t:.2f} |"
@@ -139,7 +137,7 @@ def flown(document: Document, *, parallel: bool) -> tuple[Mission, float]:
     """A mission by two processes or by one, and its seconds from the first prediction's end."""
     spec = check_document(document)
     setup = Setup.of(spec)
-    plant = Plant.of(spec.problem, setup.method.plant, setup.problem)
+    plant = CompiledPlant(Plant.of(spec.problem, setup.method.plant, setup.problem))
     if parallel:
         with RemotePredictor(spec.resolved().document) as there:
             there.ask(First(600.0))

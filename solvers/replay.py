@@ -8,8 +8,9 @@ from dataclasses import dataclass
 from typing import Any
 
 from solvers.bundle import Bundle, BundleError
+from solvers.piecewise.again import verify_again
 from solvers.scenarios import formulate
-from solvers.spec import check_document, parse_document
+from solvers.spec import JobSpec, PiecewiseMethod, check_document, parse_document
 from solvers.trajectory import Trajectory
 from solvers.verify import Tolerances, Verification, verify
 
@@ -68,8 +69,25 @@ def replay(bundle: Bundle) -> Replay:
         raise BundleError(
             f"the result cannot be read by this version ({type(error).__name__}: {error})"
         ) from error
-    problem = formulate(spec.problem).plants[0].problem
-    return Replay(verify(problem, trajectory, limits, time.monotonic() + SECONDS), stored, same)
+    if isinstance(spec.method, PiecewiseMethod):
+        found = _mission(spec, spec.method, bundle.result, trajectory, limits)
+    else:
+        problem = formulate(spec.problem).plants[0].problem
+        found = verify(problem, trajectory, limits, time.monotonic() + SECONDS)
+    return Replay(found, stored, same)
+
+
+def _mission(
+    spec: JobSpec,
+    method: PiecewiseMethod,
+    result: Mapping[str, Any],
+    trajectory: Trajectory,
+    limits: Tolerances,
+) -> Verification:
+    try:
+        return verify_again(spec.problem, method, result, trajectory, limits, SECONDS)
+    except (KeyError, TypeError, ValueError, IndexError) as error:
+        raise BundleError(f"the mission cannot be read by this version ({type(error).__name__})") from error
 
 
 def _agree(then: float | None, now: float | None) -> bool:

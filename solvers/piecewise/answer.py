@@ -9,15 +9,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from solvers.backends import NUMPY
 from solvers.bases.hermite import cubic_pieces
 from solvers.coefficients import FLIGHT, linear_pieces
 from solvers.curves import HermiteCurve
 from solvers.piecewise.mission import Mission, Segment
 from solvers.piecewise.pieces import Pieces
-from solvers.piecewise.plant import Plant
+from solvers.piecewise.plant_flight import CompiledPlant
 from solvers.piecewise.setup import Setup
-from solvers.piecewise.verify import ends_of, verify_mission
+from solvers.piecewise.verify import terminal_cost, verify_mission
 from solvers.problem import OptimalControlProblem
 from solvers.report import constraint_margins
 from solvers.solution import Solution, Statistics
@@ -30,24 +29,23 @@ Vector = NDArray[np.float64]
 _VERIFY_SECONDS, _VERIFY_SECONDS_STOPPED = 60.0, 1.0
 
 
-def answer(setup: Setup, plant: Plant, mission: Mission, seconds: dict[str, float]) -> Solution:
+def answer(setup: Setup, compiled: CompiledPlant, mission: Mission, seconds: dict[str, float]) -> Solution:
     """The answer that a mission with at least one segment gives; its proof counts to ``seconds``."""
     started = time.perf_counter()
-    pieces = Pieces.of(*zip(*[(segment.track, segment.held) for segment in mission.segments], strict=True))
+    problem, plant = setup.problem, compiled.plant
+    pieces = _joined(mission.segments)
     end = float(pieces.times[-1]) if mission.stopped_at is None else mission.stopped_at
-    trajectory = _trajectory(plant, pieces, end)
-    running = float(np.interp(end, pieces.times, pieces.costs))
-    objective = _objective(setup.problem, trajectory, running)
-    stop = None if setup.method.stop is None else mission.stopped_at is not None
+    trajectory = _trajectory(compiled, pieces, end)
+    objective = float(np.interp(end, pieces.times, pieces.costs)) + terminal_cost(problem, trajectory)
+    flown = pieces.until(end)
     patience = _VERIFY_SECONDS if mission.status is SolveStatus.CONVERGED else _VERIFY_SECONDS_STOPPED
     verification = verify_mission(
         plant,
-        pieces,
+        setup.method,
+        flown,
         trajectory,
-        setup.limits,
         Tolerances(**setup.spec.verification_tolerances()),
-        objective=objective,
-        stop=stop,
+        stop=None if setup.method.stop is None else mission.stopped_at is not None,
         deadline=time.monotonic() + patience,
     )
     status, message = _verdict(mission, verification)
@@ -80,6 +78,10 @@ def answer(setup: Setup, plant: Plant, mission: Mission, seconds: dict[str, floa
         extras={
             "segments": [_report(setup.problem, segment) for segment in mission.segments],
             "schedules": _schedules(mission),
+            "plant": {
+                "states": _named(plant.equations.states, flown.states.T),
+                "held": _named(plant.equations.held_names, flown.held.T),
+            },
         },
     )
 
@@ -115,9 +117,26 @@ _OUTSIDE = (
 )
 
 
-def _trajectory(plant: Plant, pieces: Pieces, end: float) -> Trajectory:
+def _joined(segments: Sequence[Segment]) -> Pieces:
+    """All segments as one flight; where one ends the next begins."""
+    tracks = [segment.track for segment in segments]
+    first = tracks[0]
+    states = np.vstack([first.states[:1], *[track.states[1:] for track in tracks]])
+    return Pieces(
+        np.concatenate([first.times[:1], *[track.times[1:] for track in tracks]]),
+        states[:, :-1],
+        np.hstack([first.seen[:, :1], *[track.seen[:, 1:] for track in tracks]]),
+        states[:, -1],
+        np.vstack([track.before for track in tracks]),
+        np.vstack([track.after for track in tracks]),
+        np.vstack([segment.held for segment in segments]),
+    )
+
+
+def _trajectory(compiled: CompiledPlant, pieces: Pieces, end: float) -> Trajectory:
     """The flight until ``end``, as curves."""
-    times, seen, slopes, before, after = _cut(pieces, plant.seen_rates(pieces), end)
+    times, seen, slopes, before, after = _cut(pieces, compiled.seen_rates(pieces), end)
+    problem = compiled.plant.problem
     duration = float(times[-1] - times[0])
     knots = (times - times[0]) / duration
     knots[-1] = 1.0
@@ -126,11 +145,11 @@ def _trajectory(plant: Plant, pieces: Pieces, end: float) -> Trajectory:
         tf=float(times[-1]),
         states={
             name: HermiteCurve(knots, row, duration * slope)
-            for name, row, slope in zip(plant.problem.states, seen, slopes, strict=True)
+            for name, row, slope in zip(problem.states, seen, slopes, strict=True)
         },
         controls={
             name: linear_pieces(knots, np.column_stack([before[:, index], after[:, index]]))
-            for index, name in enumerate(plant.problem.controls)
+            for index, name in enumerate(problem.controls)
         },
         interpolation="linear",
         basis={"name": FLIGHT, "knots": knots.tolist()},
@@ -154,13 +173,6 @@ def _cut(pieces: Pieces, slopes: Vector, end: float) -> tuple[Vector, Vector, Ve
         pieces.before[:last],
         np.vstack([pieces.after[: last - 1], control]),
     )
-
-
-def _objective(problem: OptimalControlProblem, trajectory: Trajectory, running: float) -> float:
-    if problem.terminal_cost is None:
-        return running
-    scope = ends_of(problem, trajectory)
-    return running + float(problem.terminal_cost.evaluate(scope, NUMPY.functions))
 
 
 def _report(problem: OptimalControlProblem, segment: Segment) -> dict[str, Any]:

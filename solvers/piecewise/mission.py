@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from solvers.piecewise.flow import RunawayError
 from solvers.piecewise.messages import Follow
-from solvers.piecewise.plant import Plant, PlantFlight
+from solvers.piecewise.plant_flight import CompiledPlant, PlantFlight
 from solvers.piecewise.reference import Reference
 from solvers.piecewise.remote import Predictions
 from solvers.piecewise.setup import Setup
@@ -64,7 +64,7 @@ class _Stopped(Exception):
 
 
 def fly_mission(
-    setup: Setup, predictions: Predictions, plant: Plant, progress: Progress, deadline: float
+    setup: Setup, predictions: Predictions, plant: CompiledPlant, progress: Progress, deadline: float
 ) -> Mission:
     """Predict and track until the end, the stop, or until nobody waits or the time is over.
 
@@ -92,7 +92,7 @@ def fly_mission(
     return mission
 
 
-def _standing(setup: Setup, plant: Plant, status: SolveStatus) -> Segment:
+def _standing(setup: Setup, plant: CompiledPlant, status: SolveStatus) -> Segment:
     """What there is before anything was flown: the start, and the controls of the guess."""
     problem, plan = setup.problem, setup.plan
     guess = problem.guess
@@ -102,12 +102,12 @@ def _standing(setup: Setup, plant: Plant, status: SolveStatus) -> Segment:
     start = np.array([interval[0] for interval in problem.initial_state])
     seen = np.repeat(start[:, None], times.size, axis=1)
     states = np.repeat(
-        [np.append(plant.begin(start, setup.problem.initial_time[0]), 0.0)], times.size, axis=0
+        [np.append(plant.plant.begin(start, setup.problem.initial_time[0]), 0.0)], times.size, axis=0
     )
     nothing = np.zeros((0, times.size))
     reference = Reference(0, times, seen, controls, nothing, np.nan, status, "Not_Begun", 0, 0, 0)
     track = Track(times, states, seen, controls[:, :-1].T, controls[:, 1:].T)
-    held = np.zeros((times.size - 1, len(plant.equations.held_names)))
+    held = np.zeros((times.size - 1, len(plant.plant.equations.held_names)))
     return Segment(reference, track, held, 0.0, 0.0)
 
 
@@ -115,7 +115,7 @@ def _fly(
     mission: Mission,
     setup: Setup,
     predictions: Predictions,
-    plant: Plant,
+    plant: CompiledPlant,
     progress: Progress,
     watch: Callable[[], None],
     deadline: float,
@@ -123,9 +123,11 @@ def _fly(
     count = setup.plan.count
     progress.report(ProgressReport("predict", 0, fraction=0.0))
     flight = PlantFlight(plant)
-    stop = StopWatch.of(setup)
+    stop = StopWatch.of(setup.problem, setup.method)
     start = np.array([interval[0] for interval in setup.problem.initial_state])
-    state = np.append(plant.begin(start, setup.problem.initial_time[0]), 0.0)  # and the running cost so far
+    state = np.append(
+        plant.plant.begin(start, setup.problem.initial_time[0]), 0.0
+    )  # and the running cost so far
     reference = predictions.take(watch)
     begun = time.perf_counter()
     tracked = begun
@@ -142,7 +144,7 @@ def _fly(
         mission.seconds = tracked - begun
         state = track.states[-1]
         progress.report(_report(mission, setup, index))
-        mission.stopped_at = stop.met(track)
+        mission.stopped_at = stop.met(track.times, track.seen)
         if mission.stopped_at is not None or index + 1 == count:
             return
         reference = predictions.take(watch)

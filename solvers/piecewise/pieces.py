@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from solvers.piecewise.track import Track
-
 Vector = NDArray[np.float64]
+
+_ROUNDING = 1e-12
 
 
 @dataclass(frozen=True)
@@ -30,17 +29,15 @@ class Pieces:
     after: Vector
     held: Vector
 
-    @classmethod
-    def of(cls, tracks: Sequence[Track], held: Sequence[Vector]) -> Pieces:
-        """Tracked segments as one flight; where one ends the next begins."""
-        first = tracks[0]
-        states = np.vstack([first.states[:1], *[track.states[1:] for track in tracks]])
-        return cls(
-            np.concatenate([first.times[:1], *[track.times[1:] for track in tracks]]),
-            states[:, :-1],
-            np.hstack([first.seen[:, :1], *[track.seen[:, 1:] for track in tracks]]),
-            states[:, -1],
-            np.vstack([track.before for track in tracks]),
-            np.vstack([track.after for track in tracks]),
-            np.vstack(held),
+    def until(self, end: float) -> Pieces:
+        """The pieces that are over by then, but for rounding."""
+        count = int(np.searchsorted(self.times, end + _ROUNDING * abs(end), side="right")) - 1
+        return Pieces(
+            self.times[: count + 1],
+            self.states[: count + 1],
+            self.seen[:, : count + 1],
+            self.costs[: count + 1],
+            self.before[:count],
+            self.after[:count],
+            self.held[:count],
         )

@@ -1,4 +1,4 @@
-"""Where segments begin and end, and how far their predictions see."""
+"""Where segments begin and end, how far their predictions see, and what the actuators can."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from solvers.problem import OptimalControlProblem
-from solvers.spec import PiecewiseMethod
+from solvers.spec import PiecewiseMethod, bound_interval
 
 Vector = NDArray[np.float64]
 
@@ -68,3 +68,13 @@ class Plan:
     def sees_the_end(self, index: int) -> bool:
         """Whether the horizon of segment ``index`` ends where the problem ends."""
         return self.last_seen(index) == self.count - 1
+
+
+def actuator_limits(problem: OptimalControlProblem, method: PiecewiseMethod) -> Vector:
+    """Lower and upper limits of every control, (m, 2): those of the tracking, else the problem's bounds."""
+    given = method.tracking.limits
+    rows = [
+        bound_interval(given[name], problem.parameters) if name in given else bounds
+        for name, bounds in zip(problem.controls, problem.control_bounds, strict=True)
+    ]
+    return np.array(rows, np.float64).reshape(-1, 2)

@@ -11,12 +11,12 @@ from numpy.typing import NDArray
 from solvers.backends import NUMPY
 from solvers.piecewise.gains import Weights
 from solvers.piecewise.horizon import Scales
-from solvers.piecewise.plan import Plan
+from solvers.piecewise.plan import Plan, actuator_limits
 from solvers.piecewise.simple import SimpleModel
 from solvers.piecewise.track import Tracker
 from solvers.problem import OptimalControlProblem
 from solvers.scaling import nearest_power_of_two
-from solvers.spec import JobSpec, PiecewiseMethod, Value, bound_interval, evaluate_constant
+from solvers.spec import JobSpec, PiecewiseMethod, Value, evaluate_constant
 
 Vector = NDArray[np.float64]
 
@@ -77,12 +77,7 @@ class Setup:
     @cached_property
     def limits(self) -> Vector:
         """Limits of the actuators, (m, 2)."""
-        given = self.method.tracking.limits
-        rows = [
-            bound_interval(given[name], self.problem.parameters) if name in given else bounds
-            for name, bounds in zip(self.problem.controls, self.problem.control_bounds, strict=True)
-        ]
-        return np.array(rows, np.float64).reshape(-1, 2)
+        return actuator_limits(self.problem, self.method)
 
     @cached_property
     def lower(self) -> Vector:

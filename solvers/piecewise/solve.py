@@ -8,6 +8,7 @@ from solvers.piecewise.answer import answer
 from solvers.piecewise.messages import First
 from solvers.piecewise.mission import fly_mission
 from solvers.piecewise.plant import Plant
+from solvers.piecewise.plant_flight import CompiledPlant
 from solvers.piecewise.remote import RemotePredictor
 from solvers.piecewise.setup import Setup
 from solvers.progress import Progress
@@ -26,7 +27,7 @@ def solve_piecewise(spec: JobSpec, progress: Progress, seconds: float) -> Soluti
     with RemotePredictor(spec.resolved().document) as predictions:
         predictions.ask(First(seconds))  # so that both processes prepare at the same time
         setup = Setup.of(spec)
-        plant = Plant.of(spec.problem, setup.method.plant, setup.problem)
+        plant = CompiledPlant(Plant.of(spec.problem, setup.method.plant, setup.problem))
         mission = fly_mission(setup, predictions, plant, progress, deadline)
     spent["solve"] = time.perf_counter() - started
     solution = answer(setup, plant, mission, spent)

@@ -10,9 +10,8 @@ from numpy.typing import NDArray
 
 from solvers.backends import NUMPY
 from solvers.expressions import Expression, parse
-from solvers.piecewise.setup import Setup
-from solvers.piecewise.track import Track
-from solvers.spec import Interval, bound_interval
+from solvers.problem import OptimalControlProblem
+from solvers.spec import Interval, PiecewiseMethod, bound_interval
 
 Vector = NDArray[np.float64]
 
@@ -32,22 +31,21 @@ class StopWatch:
     _before: tuple[float, float] | None = field(default=None, init=False)
 
     @classmethod
-    def of(cls, setup: Setup) -> StopWatch:
+    def of(cls, problem: OptimalControlProblem, method: PiecewiseMethod) -> StopWatch:
         """The stop of a document."""
-        problem, stop = setup.problem, setup.method.stop
+        stop = method.stop
         if stop is None:
             return cls(problem.states, problem.parameters)
         interval = bound_interval(stop.bounds, problem.parameters)
         return cls(problem.states, problem.parameters, parse(stop.expression), interval, bool(stop.average))
 
-    def met(self, track: Track) -> float | None:
-        """The first instant of this segment at which the expression is within its bounds; None if never.
+    def met(self, times: Vector, seen: Vector) -> float | None:
+        """The first instant of a segment at which the expression is within its bounds; None if never.
 
-        Segments are shown in turn.
+        ``times`` (K,), ``seen`` (n, K) the problem's states. Segments are shown in turn.
         """
         if self.expression is None:
             return None
-        times, seen = track.times, track.seen
         if self.average:
             span = times[-1] - times[0]
             seen = (np.trapezoid(seen, times, axis=1) / span)[:, None]

@@ -7,7 +7,7 @@ was: neither the compiled step nor its choice of lengths is trusted.
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -15,10 +15,11 @@ from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
 from solvers.backends import NUMPY
-from solvers.piecewise.equations import Equations
 from solvers.piecewise.pieces import Pieces
+from solvers.piecewise.plan import actuator_limits
 from solvers.piecewise.plant import Plant
 from solvers.problem import OptimalControlProblem
+from solvers.spec import PiecewiseMethod
 from solvers.trajectory import Trajectory
 from solvers.verify import (
     SMALLEST_SCALE,
@@ -42,36 +43,37 @@ class UnflownError(Exception):
 
 def verify_mission(
     plant: Plant,
+    method: PiecewiseMethod,
     pieces: Pieces,
     trajectory: Trajectory,
-    limits: Vector,
     tolerances: Tolerances,
     *,
-    objective: float,
     stop: bool | None,
     deadline: float,
 ) -> Verification:
-    """Integrate every piece again and hold the flight against bounds, limits (m, 2), constraints and ends.
+    """Integrate every piece again and hold the flight against bounds, limits, constraints and ends.
 
-    ``stop``: whether the document's stop was met, None if it has none. What is not computed by the
-    ``deadline`` (of ``time.monotonic()``) is None, and fails.
+    ``pieces`` end with the trajectory, or with the last one that is over by then. ``stop``: whether the
+    document's stop was met, None if it has none. What is not computed by the ``deadline`` (of
+    ``time.monotonic()``) is None, and fails.
     """
     problem = plant.problem
     tau = dense(trajectory.breakpoints)
     states, controls = trajectory.states_at(tau), trajectory.controls_at(tau)
     scale = np.maximum(SMALLEST_SCALE, np.abs(states).max(axis=1))
-    errors: Vector | None = None
-    note = ""
+    errors, objective, note = None, None, ""
     try:
-        errors = _errors(plant, pieces, deadline)
+        errors, cost = _fly_again(plant, pieces, deadline)
+        objective = (
+            cost + _rest_of_cost(problem, trajectory, pieces.times[-1]) + terminal_cost(problem, trajectory)
+        )
     except UnflownError as error:
         note = f"The flight was not integrated again: {error}."
     state_error = None if errors is None else float(np.max(errors / scale[:, None], initial=0.0))
+    largest = np.maximum(SMALLEST_SCALE, np.abs(controls).max(axis=1, initial=0.0))
     bound = max(
         scaled_violation(states, np.array(problem.state_bounds), scale),
-        scaled_violation(
-            controls, limits, np.maximum(SMALLEST_SCALE, np.abs(controls).max(axis=1, initial=0.0))
-        ),
+        scaled_violation(controls, actuator_limits(problem, method), largest),
     )
     scope = problem.scope(states, controls, trajectory.time(tau), problem.parameters, NUMPY)
     path = largest_violation(problem.path, scope, tau)
@@ -116,44 +118,69 @@ def ends_of(problem: OptimalControlProblem, trajectory: Trajectory) -> dict[str,
     return problem.ends_scope(first, last, problem.parameters, NUMPY)
 
 
-def _errors(plant: Plant, pieces: Pieces, deadline: float) -> Vector:
-    """By how much each piece ends elsewhere than it was flown, in the problem's states, (n, N)."""
+def terminal_cost(problem: OptimalControlProblem, trajectory: Trajectory) -> float:
+    """The terminal cost of a trajectory."""
+    if problem.terminal_cost is None:
+        return 0.0
+    with np.errstate(all="ignore"):
+        return float(problem.terminal_cost.evaluate(ends_of(problem, trajectory), NUMPY.functions))
+
+
+def _rest_of_cost(problem: OptimalControlProblem, trajectory: Trajectory, start: float) -> float:
+    """The running cost from ``start`` to the end of the trajectory, by Simpson's rule: part of a piece."""
+    tau = np.linspace(float(trajectory.tau(np.array([start]))[0]), 1.0, 3)
+    tau[0] = np.nextafter(tau[0], 2.0)  # where the control jumps, its right side
+    costs = _running_cost(
+        problem, list(trajectory.states_at(tau)), list(trajectory.controls_at(tau)), trajectory.time(tau)
+    )
+    return float((trajectory.tf - start) / 6.0 * (costs[0] + 4.0 * costs[1] + costs[2]))
+
+
+def _running_cost(problem: OptimalControlProblem, x: Sequence[Any], u: Sequence[Any], t: Vector) -> Vector:
+    if problem.running_cost is None:
+        return np.zeros_like(t)
+    scope = problem.scope(x, u, t, problem.parameters, NUMPY)
+    with np.errstate(all="ignore"):
+        value = problem.running_cost.evaluate(scope, NUMPY.functions)
+    return np.asarray(np.broadcast_to(value, t.shape), np.float64)
+
+
+def _fly_again(plant: Plant, pieces: Pieces, deadline: float) -> tuple[Vector, float]:
+    """How far from where it was each piece ends, in the problem's states (n, N), and the running cost."""
     equations, count = plant.equations, pieces.times.size - 1
-    order = [plant.problem.controls.index(name) for name in equations.controls]
     start, span = pieces.times[:-1], np.diff(pieces.times)
-    before, after = pieces.before[:, order].T, pieces.after[:, order].T
+    before, after = pieces.before.T, pieces.after.T
     held = dict(zip(equations.held_names, pieces.held.T, strict=True))
-    first = pieces.states[:-1].T
-    size = np.maximum(np.abs(pieces.states).max(axis=0), SMALLEST_SCALE)[:, None]
+    first = np.vstack([pieces.states[:-1].T, np.zeros(count)])
+    size = np.append(np.maximum(np.abs(pieces.states).max(axis=0), SMALLEST_SCALE), 1.0)[:, None]
 
     def rate(part: float, y: Vector) -> Vector:
         if time.monotonic() > deadline:
             raise UnflownError("the time for it was over")
-        x = y.reshape(-1, count) * size
-        u = before + part * (after - before)
-        return np.asarray(_rates(equations, x, u, start + part * span, held) * span / size).ravel()
+        x = list(y.reshape(-1, count)[:-1] * size[:-1])
+        u, t = before + part * (after - before), start + part * span
+        with np.errstate(all="ignore"):
+            rates = equations.rate(x, plant.ordered(list(u)), t, NUMPY, held)
+            cost = _running_cost(plant.problem, plant.observe(x, t, NUMPY), list(u), t)
+        rows = [np.broadcast_to(row, t.shape) for row in (*rates, cost)]
+        return np.asarray(np.array(rows, np.float64) * span / size).ravel()
 
-    start_values = np.asarray(first / size, np.float64).ravel()
-    flown = solve_ivp(rate, (0.0, 1.0), start_values, method="DOP853", rtol=RTOL, atol=RTOL)
+    values = np.asarray(first / size, np.float64).ravel()
+    flown = solve_ivp(rate, (0.0, 1.0), values, method="DOP853", rtol=RTOL, atol=RTOL)
     if not flown.success:
         raise UnflownError(flown.message)
     ends = flown.y[:, -1].reshape(-1, count) * size
-    again, then = (
-        np.asarray(plant.sight.map(count)(values, pieces.times[None, 1:]).full(), np.float64)
-        for values in (ends, pieces.states[1:].T)
-    )
+    with np.errstate(all="ignore"):
+        again, then = (
+            np.array(plant.observe(list(states), pieces.times[1:], NUMPY), np.float64)
+            for states in (ends[:-1], pieces.states[1:].T)
+        )
     off = np.abs(again - then)
     for index, name in enumerate(plant.problem.states):
         if name in plant.view.periods:
             period = plant.view.periods[name]
             off[index] = np.abs((off[index] + period / 2) % period - period / 2)
-    return np.asarray(off, np.float64)
-
-
-def _rates(equations: Equations, x: Vector, u: Vector, t: Vector, held: Mapping[str, Any]) -> Vector:
-    with np.errstate(all="ignore"):
-        rates = equations.rate(list(x), list(u), t, NUMPY, held)
-    return np.array([np.broadcast_to(rate, t.shape) for rate in rates], np.float64)
+    return np.asarray(off, np.float64), float(ends[-1].sum())
 
 
 def _reports(
