@@ -13,6 +13,8 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 import statistics
 import time
 from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -27,9 +29,50 @@ PAIRS = 11
 SCALING_RUNS = 3
 
 
-def hand_written(points: int) -> Callable[[], float]:
-    """Build Hermite-Simpson as one writes it by hand, an MX graph, expanded; returns what solves for t_f."""
-    jb, r, m, length, k = 440.0, 2.5, 10.0, 5.0, 100.0
+@dataclass(frozen=True)
+class Slew:
+    """The slew, or a neighbour of it: one number is another."""
+
+    stiffness: float = 100.0
+    initial: tuple[float, ...] = (0.0, 0.0, 0.0, 0.0)
+    final: tuple[float, ...] = (np.pi / 6, 0.0, 0.0, 0.0)
+    guess: float = 30.0
+
+    def document(self, level: int) -> dict[str, Any]:
+        """The job document, by spline wavelets on this level."""
+        document = load_case("flexible_spacecraft")
+        problem = document["problem"]
+        names = list(problem["initial_state"])
+        problem["model"]["parameters"]["k"] = self.stiffness
+        problem["initial_state"] = dict(zip(names, self.initial, strict=True))
+        problem["final_state"] = dict(zip(names, self.final, strict=True))
+        problem["guess"] = {"final_time": self.guess}
+        document["method"] = {"name": "swcm", "L": 8, "J": level}
+        return document
+
+
+NEIGHBOURS = {
+    "as in the case": Slew(),
+    "theta_dot_f = 1e-4 rad/s": Slew(final=(np.pi / 6, 0.0, 1e-4, 0.0)),
+    "theta_dot_f = -1e-4 rad/s": Slew(final=(np.pi / 6, 0.0, -1e-4, 0.0)),
+    "theta_dot_f = 1e-3 rad/s": Slew(final=(np.pi / 6, 0.0, 1e-3, 0.0)),
+    "theta_dot_f = -3e-3 rad/s": Slew(final=(np.pi / 6, 0.0, -3e-3, 0.0)),
+    "alpha_f = 1e-4 rad": Slew(final=(np.pi / 6, 1e-4, 0.0, 0.0)),
+    "alpha_dot_f = 1e-6 rad/s": Slew(final=(np.pi / 6, 0.0, 0.0, 1e-6)),
+    "theta_dot_0 = 1e-3 rad/s": Slew(initial=(0.0, 0.0, 1e-3, 0.0)),
+    "k = 70 N m/rad": Slew(stiffness=70.0),
+    "theta_f = 1.1 rad": Slew(final=(1.1, 0.0, 0.0, 0.0)),
+    "guess t_f = 20 s": Slew(guess=20.0),
+    "guess t_f = 50 s": Slew(guess=50.0),
+}
+
+
+def hand_written(points: int, slew: Slew = Slew()) -> Callable[[], tuple[float, int, bool]]:
+    """Build Hermite-Simpson as one writes it by hand, an MX graph, expanded.
+
+    Returns what solves for t_f, the number of iterations, and whether IPOPT calls it a success.
+    """
+    jb, r, m, length, k = 440.0, 2.5, 10.0, 5.0, slew.stiffness
     intervals = (points - 1) // 2
     x, u = ca.MX.sym("x", 4), ca.MX.sym("u")
     _, alpha, theta_dot, alpha_dot = ca.vertsplit(x)
@@ -72,13 +115,19 @@ def hand_written(points: int) -> Callable[[], float]:
     lower, upper = np.full(5 * points + 1, -np.inf), np.full(5 * points + 1, np.inf)
     lower[4 * points : -1], upper[4 * points : -1] = -5, 5
     lower[-1], upper[-1] = 1, 100
-    target = [np.pi / 6, 0, 0, 0]
-    lower[:4] = upper[:4] = 0
+    start, target = np.array(slew.initial), np.array(slew.final)
+    lower[:4] = upper[:4] = start
     lower[4 * points - 4 : 4 * points] = upper[4 * points - 4 : 4 * points] = target
     guess = np.zeros(5 * points + 1)
-    guess[: 4 * points] = np.outer(np.linspace(0, 1, points), target).ravel()
-    guess[-1] = 30
-    return lambda: float(solver(x0=guess, lbx=lower, ubx=upper, lbg=0, ubg=0)["f"])
+    guess[: 4 * points] = (start + np.outer(np.linspace(0, 1, points), target - start)).ravel()
+    guess[-1] = slew.guess
+
+    def solve_it() -> tuple[float, int, bool]:
+        found = float(solver(x0=guess, lbx=lower, ubx=upper, lbg=0, ubg=0)["f"])
+        stats = solver.stats()
+        return found, int(stats["iter_count"]), bool(stats["success"])
+
+    return solve_it
 
 
 def ondelette(level: int, *, cold: bool, refine: str | None = None) -> tuple[float, float]:
@@ -95,11 +144,11 @@ def ondelette(level: int, *, cold: bool, refine: str | None = None) -> tuple[flo
     return solution.objective, seconds["build"] + seconds["solve"] + seconds["refine"]
 
 
-def timed(call: Callable[[], float]) -> tuple[float, float]:
-    """The value of a call and the seconds that it took."""
+def timed(call: Callable[[], tuple[float, int, bool]]) -> tuple[float, float]:
+    """The t_f of a call and the seconds that it took."""
     started = time.perf_counter()
-    value = call()
-    return value, time.perf_counter() - started
+    final_time, _, _ = call()
+    return final_time, time.perf_counter() - started
 
 
 def against_hand_written() -> None:
@@ -127,6 +176,23 @@ def against_hand_written() -> None:
                 f"| {ours:.4f} | {abs(pairs[0][1][0] - MINIMUM_TIME):.1e} "
                 f"| {statistics.median(ratios):.2f} ({ratios[0]:.2f}..{ratios[-1]:.2f}) |"
             )
+
+
+def neighbours() -> None:
+    """Print how many iterations neighbouring slews take from the guess of the document, N = 131."""
+    print("\nThe slew and its neighbours, N = 131, from the straight line between their ends\n")
+    print("| slew | by hand: iterations | t_f | SWCM: iterations | t_f |")
+    print("|---|---|---|---|---|")
+    totals = [0, 0]
+    for name, slew in NEIGHBOURS.items():
+        theirs, count, succeeded = hand_written(131, slew)()
+        ours = solve(check_document(slew.document(4)))
+        totals = [totals[0] + count, totals[1] + ours.statistics.iterations]
+        print(
+            f"| {name} | {count}{'' if succeeded else ' (failed)'} | {theirs:.4f} "
+            f"| {ours.statistics.iterations}{'' if ours.success else ' (failed)'} | {ours.objective:.4f} |"
+        )
+    print(f"| all | {totals[0]} | | {totals[1]} | |")
 
 
 def refined() -> None:
@@ -160,5 +226,6 @@ def scaling() -> None:
 
 if __name__ == "__main__":
     against_hand_written()
+    neighbours()
     refined()
     scaling()
