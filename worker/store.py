@@ -459,6 +459,24 @@ class JobStore:
         """Take a job from a solve that is lost; True if it waits again and is to be published."""
         return bool(self._run(self._reclaim, job_id, MAX_LOSSES, _GIVEN_UP.to_json()))
 
+    def relist(self, job_id: str) -> None:
+        """List a job that was put back from a backup; one that waited or ran waits again."""
+        record = self.get(job_id)
+        with self.redis.pipeline(transaction=True) as pipe:
+            pipe.zadd(self._index, {job_id: 0})
+            pipe.zadd(self._index_of(record.project), {job_id: 0})
+            pipe.sadd(self._projects, record.project)
+            if not record.status.final:
+                job = self._keys(job_id)[0]
+                pipe.hset(job, "status", JobStatus.QUEUED.value)
+                pipe.hdel(job, "owner", "started_at", "progress")
+                pipe.hincrby(job, "version", 1)
+                pipe.sadd(self._active_of(record.project), job_id)
+                pipe.zadd(self._queued[record.priority], {job_id: record.created_at})
+                if record.deadline_at is not None:
+                    pipe.zadd(self._deadlines, {job_id: record.deadline_at})
+            pipe.execute()
+
     def tidy(self, limit: int) -> int:
         """Drop those of the ``limit`` oldest entries of the list of jobs whose time of keeping has passed."""
         projects = cast(set[bytes], self.redis.smembers(self._projects))

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import click
 
+from app.cli.backup import backup, restore
 from app.cli.bench import bench
 from app.cli.cases import case, cases
 from app.cli.common import CommandGroup
@@ -44,6 +45,8 @@ for command in (
     case,
     keys,
     doctor,
+    backup,
+    restore,
     demo,
     bench,
 ):

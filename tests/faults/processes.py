@@ -76,6 +76,10 @@ class Process:
             self._process.kill()
             return self._process.wait()
 
+    def cpu(self) -> float:
+        """CPU time of the process and its children, in seconds."""
+        return sum(cpu_seconds(pid) for pid in (self.pid, *self.children()))
+
     def memory(self) -> int:
         """Resident memory of the process, in bytes."""
         return int(Path(f"/proc/{self.pid}/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE")
@@ -83,6 +87,12 @@ class Process:
     def files(self) -> int:
         """The number of its open files."""
         return len(os.listdir(f"/proc/{self.pid}/fd"))
+
+
+def cpu_seconds(pid: int) -> float:
+    """CPU time of a process so far, in seconds."""
+    fields = Path(f"/proc/{pid}/stat").read_text().rpartition(") ")[2].split()
+    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
 
 
 API = """

@@ -1,0 +1,49 @@
+"""``ondelette backup`` and ``restore``: everything that is remembered, in a file and back."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from app.cli.common import ExitCode, fail
+from app.cli.keys import broker_or_embedded, data_option
+from app.cli.service import broker_option, load
+
+
+@click.command(short_help="Write all jobs, results and keys to a file.")
+@click.argument("file", type=click.Path(dir_okay=False, path_type=Path))
+@broker_option
+@data_option
+def backup(file: Path, broker: str | None, data: Path | None) -> None:
+    """Write everything that the service remembers to FILE, while it runs."""
+    from worker.backup import write_backup
+    from worker.settings import QueueSettings
+    from worker.store import connect
+
+    settings = load(QueueSettings, broker_or_embedded(broker, data))
+    # What is there is replaced only by a whole backup.
+    unfinished = file.with_name(f"{file.name}.part")
+    with connect(settings) as redis:
+        jobs = write_backup(redis, settings.prefix, unfinished)
+    unfinished.replace(file)
+    click.echo(f"{jobs} jobs, {file.stat().st_size:,} bytes in {file}")
+
+
+@click.command(short_help="Put a backup back.")
+@click.argument("file", type=click.Path(exists=True, dir_okay=False, path_type=Path))
+@broker_option
+@data_option
+def restore(file: Path, broker: str | None, data: Path | None) -> None:
+    """Put what FILE holds back into a running service; what is there stays as it is."""
+    from worker.backup import BackupError, restore_backup
+    from worker.settings import QueueSettings
+    from worker.store import JobStore, connect
+
+    settings = load(QueueSettings, broker_or_embedded(broker, data))
+    with connect(settings) as redis:
+        try:
+            restored, present = restore_backup(redis, settings.prefix, JobStore(redis, settings), file)
+        except BackupError as error:
+            fail(str(error), ExitCode.BAD_INPUT)
+    click.echo(f"{restored} jobs put back, {present} were there")
