@@ -57,5 +57,7 @@ def _along_the_trajectory(spec: ProblemSpec) -> Iterator[tuple[str, Expression]]
         yield f"/problem/path_constraints/{index}/expression", parse(constraint.expression)
     for index, integral in enumerate(spec.integrals):
         yield f"/problem/integrals/{index}/expression", parse(integral.expression)
-    if spec.objective.running is not None:
-        yield "/problem/objective/running", parse(spec.objective.running)
+    for key in ("running", "maximum"):
+        cost = getattr(spec.objective, key)
+        if cost is not None:
+            yield f"/problem/objective/{key}", parse(cost)

@@ -17,7 +17,7 @@ from dataclasses import replace
 import numpy as np
 
 from solvers.bases.graded import GradedKnots
-from solvers.expressions import parse, product, total
+from solvers.expressions import named, parse, product, total
 from solvers.guess import Start, WarmStart
 from solvers.problem import OptimalControlProblem
 from solvers.quantities import FREE
@@ -61,7 +61,7 @@ def minimum_energy_start(session: Session) -> Start | None:
 def _minimum_energy(problem: OptimalControlProblem, scaling: Scaling) -> OptimalControlProblem:
     free = (FREE,) * len(problem.controls)
     scaled = [
-        product(parse(float(1.0 / scale)), parse(name))
+        product(parse(float(1.0 / scale)), named(name))
         for name, scale in zip(problem.controls, scaling.controls, strict=True)
     ]
     return replace(

@@ -66,6 +66,7 @@ class OptimalControlProblem:
     integrals: tuple[Integral, ...] = ()
     design: tuple[DesignParameter, ...] = ()
     rated: tuple[str, ...] = ()
+    peak_cost: Expression | None = None
 
     @classmethod
     def from_spec(cls, spec: ProblemSpec) -> OptimalControlProblem:
@@ -105,6 +106,7 @@ class OptimalControlProblem:
             outputs=outputs(spec),
             integrals=integrals(spec, parameters),
             design=design,
+            peak_cost=None if spec.objective.maximum is None else parse(spec.objective.maximum),
             initial_control=control_ends(spec.initial_control, model.controls, parameters),
             final_control=control_ends(spec.final_control, model.controls, parameters),
             guess=make_guess(
@@ -267,12 +269,12 @@ class OptimalControlProblem:
             scope |= {name + suffix: value for name, value in zip(self.controls, u, strict=True)}
         at_the_end = self.scope(*final, parameters, backend)
         for item in self.outputs:
-            if f"{item.name}_f" in self._named_at_the_ends:
+            if f"{item.name}_f" in self.named_at_the_ends:
                 scope[f"{item.name}_f"] = item.expression.evaluate(at_the_end, backend.functions)
         return scope
 
     @property
-    def _named_at_the_ends(self) -> frozenset[str]:
+    def named_at_the_ends(self) -> frozenset[str]:
         """Every name in a boundary constraint or the terminal cost."""
         expressions = [item.expression for item in self.boundary]
         expressions += [] if self.terminal_cost is None else [self.terminal_cost]

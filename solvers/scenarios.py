@@ -17,6 +17,7 @@ import numpy as np
 from solvers.dynamics import Body, Dynamics
 from solvers.expressions import Expression, combined, named, parse, product, renamed, total
 from solvers.implied_ends import relaxed_ends
+from solvers.lifting import corners, lifted, with_peak
 from solvers.models import Formula
 from solvers.problem import OptimalControlProblem
 from solvers.quantities import FREE, Constraint, DesignParameter, Integral, NamedQuantity
@@ -44,6 +45,7 @@ class Plant:
         return replace(
             answer,
             states={name: answer.states[self.names.get(name, name)] for name in self.problem.states},
+            controls={name: answer.controls[name] for name in self.problem.controls},
             design={item.name: answer.design[item.name] for item in self.problem.design},
         )
 
@@ -68,14 +70,22 @@ class Formulation:
 
     @property
     def warnings(self) -> list[dict[str, str]]:
-        """What was not held exactly, and why."""
+        """What was not held exactly, and why; where the objective has corners that no slack takes away."""
+        found = [
+            {
+                "code": "nonsmooth",
+                "pointer": pointer,
+                "detail": f"'{text}' keeps its corners; the optimizer expects smooth functions.",
+            }
+            for pointer, text in corners(self.problem)
+        ]
         if not self.implied:
-            return []
+            return found
         detail = (
             f"The ends of {', '.join(self.implied)} follow from the other ends to first order; they are held"
             " within a tenth of what the verification allows."
         )
-        return [{"code": "implied_ends", "pointer": "/problem/scenarios", "detail": detail}]
+        return [*found, {"code": "implied_ends", "pointer": "/problem/scenarios", "detail": detail}]
 
 
 def formulate(spec: ProblemSpec, tolerance: float = 0.0) -> Formulation:
@@ -85,7 +95,7 @@ def formulate(spec: ProblemSpec, tolerance: float = 0.0) -> Formulation:
     """
     if spec.scenarios is None:
         problem = OptimalControlProblem.from_spec(spec)
-        return Formulation(problem, (Plant("", problem),))
+        return Formulation(lifted(with_peak(problem)), (Plant("", problem),))
     cases = [(case.name, _case_of(spec, case)) for case in spec.scenarios.cases]
     if spec.scenarios.nominal:
         cases.insert(0, (NOMINAL, spec))
@@ -98,7 +108,7 @@ def formulate(spec: ProblemSpec, tolerance: float = 0.0) -> Formulation:
     plants = tuple(Plant(part.name, part.alone, part.names) for part in parts)
     whole = _together(parts, spec.scenarios.choice)
     problem, implied = relaxed_ends(whole, [part.problem.states for part in parts], tolerance)
-    return Formulation(problem, plants, tuple(implied))
+    return Formulation(lifted(problem), plants, tuple(implied))
 
 
 def _case_of(spec: ProblemSpec, case: ScenarioSpec) -> ProblemSpec:
@@ -201,6 +211,7 @@ def _renamed_problem(
         boundary=held(alone.boundary, at_ends),
         terminal_cost=None if terminal is None else renamed(terminal, at_ends),
         running_cost=None if running is None else renamed(running, names),
+        peak_cost=None if alone.peak_cost is None else renamed(alone.peak_cost, names),
         outputs=tuple(map(quantity, alone.outputs)),
         integrals=tuple(map(quantity, alone.integrals)),
     )
@@ -234,6 +245,7 @@ def _renamed_body(body: Body, names: Mapping[str, str]) -> Body:
 
 def _together(parts: Sequence[_Part], choice: str) -> OptimalControlProblem:
     """The problem of all cases, whose objective is chosen as ``nominal``, ``mean`` or ``worst``."""
+    parts = [replace(part, problem=with_peak(part.problem, part.name)) for part in parts]
     problems = [part.problem for part in parts]
     first = problems[0]
     dynamics = Dynamics(
@@ -272,6 +284,7 @@ def _together(parts: Sequence[_Part], choice: str) -> OptimalControlProblem:
         boundary=tuple(_distinct(item for problem in problems for item in problem.boundary)),
         outputs=tuple({item.name: item for problem in problems for item in problem.outputs}.values()),
         integrals=tuple({item.name: item for problem in problems for item in problem.integrals}.values()),
+        design=tuple({item.name: item for problem in problems for item in problem.design}.values()),
         guess=replace(first.guess, states=tuple(starts[name] for name in states)),
     )
     return _with_objective(whole, parts, choice)

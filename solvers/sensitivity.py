@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from solvers.problem import OptimalControlProblem
+from solvers.scenarios import formulate
 from solvers.session import Solved
 from solvers.spec import BoundValue, ProblemSpec, Value, evaluate_constant
 
@@ -45,7 +46,7 @@ def sensitivity(spec: ProblemSpec, solved: Solved) -> dict[str, float | None]:
         step = _STEP * (abs(number) or 1.0)
         with np.errstate(all="ignore"):
             below, above = (
-                _lagrangian(solved, OptimalControlProblem.from_spec(_changed(spec, place, number + change)))
+                _lagrangian(solved, formulate(_changed(spec, place, number + change)).problem)
                 for change in (-step, step)
             )
         slope = (above - below) / (2.0 * step)

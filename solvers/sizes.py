@@ -60,7 +60,9 @@ def problem_size(spec: JobSpec) -> ProblemSize:
 
 
 def _mesh_size(spec: JobSpec) -> ProblemSize:
-    problem = formulate(spec.problem, spec.verification_tolerances()["terminal_error"]).problem
+    formulation = formulate(spec.problem, spec.verification_tolerances()["terminal_error"])
+    plain = isinstance(spec.method, GeneticMethod | PiecewiseMethod)
+    problem = formulation.plants[0].problem if plain else formulation.problem
     n, m = len(problem.states), len(problem.controls)
     match spec.method:
         case GaussPseudospectralMethod(nodes=nodes, segments=segments):

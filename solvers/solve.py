@@ -54,13 +54,16 @@ def solve(
     started = time.perf_counter()
     formulation = formulate(spec.problem, spec.verification_tolerances()["terminal_error"])
     seconds = min(spec.options.max_seconds, seconds)
-    session = _session(spec, formulation.problem, progress or SilentProgress(), seconds)
+    # A genetic search flies the expressions as they are: it needs no slacks.
+    genetic = isinstance(spec.method, GeneticMethod)
+    problem = formulation.plants[0].problem if genetic else formulation.problem
+    session = _session(spec, problem, progress or SilentProgress(), seconds)
     session.seconds["build"] = time.perf_counter() - started
     if isinstance(spec.method, GeneticMethod):
         solution = solve_by_genes(spec, session, spec.method, earlier)
         session.seconds["total"] = time.perf_counter() - started
         return solution
-    problem, method = session.problem, first_method(spec.method)
+    method = first_method(spec.method)
     span = _FIRST_SPAN if wants_more(spec.method) else 1.0
     answers = first_answers(session, meshes_of(method), spec.options.starts, earlier, span)
     improved = improve(session, spec.method, answers[0], span)

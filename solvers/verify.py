@@ -183,7 +183,7 @@ def verify(
         max_state_error=state_error,
         max_bound_violation=bounds,
         max_path_violation=path,
-        objective=_objective(problem, evidence, ends_scope),
+        objective=_objective(problem, evidence, ends_scope, scope),
         integrals={}
         if evidence.integrals is None
         else {
@@ -296,16 +296,21 @@ def _ends_scope(
 
 
 def _objective(
-    problem: OptimalControlProblem, evidence: _Evidence, ends_scope: Mapping[str, Any]
+    problem: OptimalControlProblem,
+    evidence: _Evidence,
+    ends_scope: Mapping[str, Any],
+    scope: Mapping[str, Any],
 ) -> float | None:
-    """The objective of what was flown."""
+    """The objective of what was flown; a peak is that between the breakpoints of the promised states."""
     if evidence.integrals is None:
         return None
-    running_cost = float(evidence.integrals[0])
-    if problem.terminal_cost is None:
-        return running_cost
+    objective = float(evidence.integrals[0])
     with np.errstate(all="ignore"):
-        return running_cost + float(problem.terminal_cost.evaluate(ends_scope, NUMPY.functions))
+        if problem.terminal_cost is not None:
+            objective += float(problem.terminal_cost.evaluate(ends_scope, NUMPY.functions))
+        if problem.peak_cost is not None:
+            objective += float(np.max(problem.peak_cost.evaluate(scope, NUMPY.functions)))
+    return objective
 
 
 def _inside(trajectory: Trajectory, breakpoints: Vector) -> Vector:

@@ -83,6 +83,8 @@ def is_refinable(problem: OptimalControlProblem) -> bool:
     Windows would have to begin inside of arcs; a control that rests on a bound does not jump to its end.
     """
     ends = [*problem.initial_control, *problem.final_control]
+    if any("@" in name for name in problem.controls):
+        return False  # slacks are no controls that switch
     return not np.isfinite(ends).any() and all(item.during == WHOLE_SPAN for item in problem.path)
 
 

@@ -104,19 +104,19 @@ class NamedOutput(SpecModel):
 
 
 class Objective(SpecModel):
-    """What is minimised: terminal cost + integral of the running cost over time (Bolza)."""
+    """What is minimised: terminal cost + integral of the running cost (Bolza) + peak."""
 
     terminal: BoundaryExpression | None = None
     """Terminal cost (Mayer), an expression of the ends such as ``tf``."""
     running: PathExpression | None = None
     """Running cost (Lagrange), integrated from t0 to tf."""
-    maximum: Annotated[None, Unsupported("a maximum objective is")] = None
-    """Peak value; not in this version."""
+    maximum: PathExpression | None = None
+    """Peak cost: the largest value along the trajectory."""
 
     @model_validator(mode="after")
     def _something(self) -> Self:
-        if self.terminal is None and self.running is None:
-            raise refuse("at least one of 'terminal' and 'running' is needed")
+        if self.terminal is None and self.running is None and self.maximum is None:
+            raise refuse("at least one of 'terminal', 'running' and 'maximum' is needed")
         return self
 
 

@@ -5,9 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any
 
+from solvers.errors import ExpressionError
+from solvers.expressions import parse
 from solvers.spec.faults import Flaws, Path
 from solvers.spec.scope import Scope, mapping
 
+CORNERS = frozenset(("abs", "min", "max"))
 _NOT_FLOWN = (
     "scenarios",
     "phases",
@@ -30,6 +33,10 @@ def check_support(scope: Scope, flaws: Flaws) -> None:
     if method.get("name") == "ga" and scope.problem.get("scenarios"):
         detail = "unsupported: scenarios with the method ga are not in this version"
         flaws.add(detail, "problem", "scenarios", type="unsupported")
+    peak = mapping(scope.problem.get("objective")).get("maximum")
+    if method.get("name") in ("ga", "piecewise") and peak is not None:
+        detail = "unsupported: a maximum objective with this method is not in this version"
+        flaws.add(detail, "problem", "objective", "maximum", type="unsupported")
     if method.get("name") == "piecewise":
         for place, what in _not_flown(scope.document):
             detail = f"unsupported: {what} with the method piecewise is not in this version"
@@ -61,10 +68,22 @@ def _windows(problem: dict[str, Any]) -> Iterator[int]:
             yield index
 
 
+def uses_corners(expression: Any) -> bool:
+    """Tell whether an expression takes abs, min or max of anything."""
+    try:
+        return not CORNERS.isdisjoint(
+            payload for _, payload in parse(expression).program if type(payload) is str
+        )
+    except (ExpressionError, TypeError):
+        return False  # reported where it stands
+
+
 def not_refined(problem: dict[str, Any]) -> Iterator[tuple[Path, str]]:
     """Yield what switching refinement cannot work with: place below the problem, and what it is."""
     for index in _windows(problem):
         yield ("path_constraints", index, "during"), "a window of a path constraint"
+    if uses_corners(mapping(problem.get("objective")).get("running")):
+        yield ("objective", "running"), "a running cost of abs, min or max"
     for key in ("initial_control", "final_control"):
         for control in mapping(problem.get(key)):
             if control not in mapping(problem.get("control_rates")):

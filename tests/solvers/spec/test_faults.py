@@ -343,7 +343,6 @@ UNSUPPORTED: list[tuple[dict[str, Any], str]] = [
     ({"/problem/data": {"Td": {"x": [0, 1], "values": [0, 1]}}}, "/problem/data"),
     ({"/problem/phases": [{}]}, "/problem/phases"),
     ({"/problem/links": [{}]}, "/problem/links"),
-    ({"/problem/objective": {"maximum": "alpha^2"}}, "/problem/objective/maximum"),
     (
         {
             "/problem/path_constraints": [{"expression": "T", "bounds": 0, "during": [0, 0.5]}],

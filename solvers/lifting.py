@@ -1,0 +1,195 @@
+"""Costs with corners, made smooth without changing the optimum: peaks, and abs, min, max where they only add.
+
+``maximum``: an unknown that the expression must not exceed anywhere is minimised instead of the peak.
+
+In a running cost (or an integral that is bounded above only), a term c abs(e) with c > 0 becomes c s with a
+slack s >= e, s >= -e at every node; c max(a, b) becomes c s with s >= a, s >= b; and -c min(a, b) likewise.
+The slack costs, so that it comes down to the larger of the two. Slacks are controls of a name that no
+document can use; the verification flies the document's own expressions.
+"""
+
+from __future__ import annotations
+
+import operator
+from collections.abc import Iterator
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from solvers.backends import NUMPY
+from solvers.expressions import Code, Expression, combined, named, parse, product
+from solvers.expressions.expression import Instruction, divide
+from solvers.problem import OptimalControlProblem
+from solvers.quantities import FREE, Constraint, DesignParameter, Interval
+
+Vector = NDArray[np.float64]
+
+PEAK = "peak@"
+_SAMPLES = 129
+_ABOVE: Interval = (0.0, np.inf)
+
+
+def with_peak(problem: OptimalControlProblem, suffix: str = "") -> OptimalControlProblem:
+    """The problem whose peak cost is an unknown in the terminal cost."""
+    peak = problem.peak_cost
+    if peak is None:
+        return problem
+    name, pointer = PEAK + suffix, "/problem/objective/maximum"
+    values = _along_the_guess(problem, peak)
+    limit = Constraint(name, pointer + suffix, combined("-", peak, named(name)), (-np.inf, 0.0))
+    terminal = (
+        named(name) if problem.terminal_cost is None else combined("+", problem.terminal_cost, named(name))
+    )
+    return replace(
+        problem,
+        peak_cost=None,
+        terminal_cost=terminal,
+        path=(*problem.path, limit),
+        design=(*problem.design, DesignParameter(name, FREE, float(values.max()))),
+    )
+
+
+def lifted(problem: OptimalControlProblem) -> OptimalControlProblem:
+    """The problem with slacks for abs, min and max in its running cost and its integrals."""
+    work = _Lifting(problem)
+    running = problem.running_cost
+    if running is not None:
+        running = work.lift(running)
+    ends = problem.named_at_the_ends
+    integrals = tuple(
+        replace(item, expression=work.lift(item.expression))
+        if item.interval[0] == -np.inf and item.name not in ends
+        else item
+        for item in problem.integrals
+    )
+    path = tuple(
+        replace(item, expression=work.lift(item.expression)) if item.name.startswith(PEAK) else item
+        for item in problem.path
+    )
+    if not work.slacks:
+        return problem
+    tau = np.linspace(0.0, 1.0, _SAMPLES)
+    pieces = tuple((tau, _along_the_guess(problem, start)) for start in work.slacks.values())
+    free = (FREE,) * len(work.slacks)
+    return replace(
+        problem,
+        controls=(*problem.controls, *work.slacks),
+        control_bounds=(*problem.control_bounds, *free),
+        initial_control=(*problem.initial_control, *free),
+        final_control=(*problem.final_control, *free),
+        path=(*path, *work.limits),
+        running_cost=running,
+        integrals=integrals,
+        guess=replace(problem.guess, controls=(*problem.guess.controls, *pieces)),
+    )
+
+
+def corners(problem: OptimalControlProblem) -> Iterator[tuple[str, str]]:
+    """Yield where abs, sign, min or max is left: the pointer, and the text of the expression."""
+    places: list[tuple[str, Expression | None]] = [
+        ("/problem/objective/terminal", problem.terminal_cost),
+        ("/problem/objective/running", problem.running_cost),
+    ]
+    places += [
+        ("/problem/objective/maximum", item.expression) for item in problem.path if item.name.startswith(PEAK)
+    ]
+    places += [(f"{item.pointer}/expression", item.expression) for item in problem.integrals]
+    for pointer, expression in places:
+        if expression is not None and any(_has_corner(step) for step in expression.program):
+            yield pointer, expression.text
+
+
+def _has_corner(step: Instruction) -> bool:
+    code, payload = step
+    return (code == Code.CALL and payload in ("abs", "sign")) or (
+        code == Code.PAIR and payload in ("min", "max")
+    )
+
+
+@dataclass
+class _Lifting:
+    """Slacks by name with what they start from, and what holds them up."""
+
+    problem: OptimalControlProblem
+    slacks: dict[str, Expression] = field(default_factory=dict)
+    limits: list[Constraint] = field(default_factory=list)
+
+    def lift(self, expression: Expression, sign: float = 1.0) -> Expression:
+        """The expression, which counts with ``sign``, with slacks where these are equivalent."""
+        (code, payload), operands = _split(expression)
+        if code == Code.OPERATOR and payload in (operator.add, operator.sub):
+            left, right = operands
+            mark, other = ("+", sign) if payload is operator.add else ("-", -sign)
+            return combined(mark, self.lift(left, sign), self.lift(right, other))
+        if code == Code.NEGATE:
+            return product(parse(-1.0), self.lift(operands[0], -sign))
+        if code == Code.OPERATOR and payload in (operator.mul, divide):
+            left, right = operands
+            factor = self._constant(right)
+            if factor is not None:
+                mark = "*" if payload is operator.mul else "/"
+                return combined(mark, self.lift(left, sign * np.sign(factor)), right)
+            factor = self._constant(left) if payload is operator.mul else None
+            if factor is not None:
+                return combined("*", left, self.lift(right, sign * np.sign(factor)))
+        if code == Code.CALL and payload == "abs" and sign > 0.0:
+            return self._slack(expression, operands[0], product(parse(-1.0), operands[0]))
+        if code == Code.PAIR and payload == "max" and sign > 0.0:
+            return self._slack(expression, *operands)
+        if code == Code.PAIR and payload == "min" and sign < 0.0:
+            below = [product(parse(-1.0), item) for item in operands]
+            return product(parse(-1.0), self._slack(product(parse(-1.0), expression), *below))
+        return expression
+
+    def _constant(self, expression: Expression) -> float | None:
+        """What a factor is worth that only numbers and parameters make up, if it is finite and not zero."""
+        if not expression.names <= self.problem.parameters.keys():
+            return None
+        with np.errstate(all="ignore"):
+            value = float(expression.evaluate(self.problem.parameters, NUMPY.functions))
+        return value if np.isfinite(value) and value != 0.0 else None
+
+    def _slack(self, start: Expression, *below: Expression) -> Expression:
+        """A slack that is at least as large as each of ``below``, which together make ``start``."""
+        name = f"slack@{len(self.slacks)}"
+        self.slacks[name] = start
+        for number, item in enumerate(below):
+            expression = combined("-", named(name), item)
+            self.limits.append(Constraint(f"{name}/{number}", f"/{name}/{number}", expression, _ABOVE))
+        return named(name)
+
+
+def _split(expression: Expression) -> tuple[Instruction, list[Expression]]:
+    """The last operation of an expression and its operands."""
+    program = expression.program
+    starts: list[int] = []
+    right = 0
+    for index, (code, _) in enumerate(program):
+        if code in (Code.NAME, Code.NUMBER):
+            starts.append(index)
+        elif code in (Code.OPERATOR, Code.PAIR):
+            right = starts.pop()
+    code = program[-1][0]
+    if code in (Code.NAME, Code.NUMBER):
+        return program[-1], []
+    if code in (Code.OPERATOR, Code.PAIR):
+        return program[-1], [_part(expression, 0, right), _part(expression, right, len(program) - 1)]
+    return program[-1], [_part(expression, 0, len(program) - 1)]
+
+
+def _part(expression: Expression, start: int, stop: int) -> Expression:
+    program = expression.program[start:stop]
+    names = {payload: 0 for code, payload in program if code == Code.NAME}
+    operations = sum(code not in (Code.NAME, Code.NUMBER) for code, _ in program)
+    return Expression(f"{expression.text} [{start}:{stop}]", names, operations, program)
+
+
+def _along_the_guess(problem: OptimalControlProblem, expression: Expression) -> Vector:
+    guess, tau = problem.guess, np.linspace(0.0, 1.0, _SAMPLES)
+    times = guess.t0 + (guess.tf - guess.t0) * tau
+    parameters = {**problem.parameters, **guess.design}
+    scope = problem.scope(guess.states_at(tau), guess.controls_at(tau), times, parameters, NUMPY)
+    with np.errstate(all="ignore"):
+        values = expression.evaluate(scope, NUMPY.functions)
+    return np.nan_to_num(np.array(np.broadcast_to(values, tau.shape), np.float64))

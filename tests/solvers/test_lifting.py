@@ -1,0 +1,126 @@
+"""Peaks, and costs with corners: the same optimum as by hand, and a warning where corners stay."""
+
+from __future__ import annotations
+
+import copy
+from typing import Any
+
+import numpy as np
+import pytest
+
+from solvers.sizes import problem_size
+from solvers.solve import solve
+from solvers.spec import check_document
+from tests.solvers.spec.editing import edited, faults_of
+from tests.solvers.test_outputs import each_method, result_of
+
+
+@each_method
+@pytest.mark.parametrize(
+    ("peak", "limits", "expected"),
+    [
+        # Rest to rest over 1 in time 2: the smallest force is full force throughout.
+        ("abs(u)", {}, 1.0),
+        # |u| <= 2: speed v for most of the time, 2 v - v^2/2 = 1.
+        ("x_dot", {"u": [-2, 2]}, 2 - np.sqrt(2)),
+    ],
+)
+def test_a_peak(
+    rigid_body: dict[str, Any], method: dict[str, Any], peak: str, limits: dict[str, Any], expected: float
+) -> None:
+    problem = rigid_body["problem"]
+    problem |= {"final_time": 2, "bounds": limits, "objective": {"maximum": peak}}
+    spec = check_document({**rigid_body, "method": method})
+    solution, size = solve(spec), problem_size(spec)
+    result = solution.result()
+    assert result["statistics"]["nlp_status"] == "Solve_Succeeded"
+    assert result["objective"] == pytest.approx(expected, rel=2e-2)
+    if method["name"] == "swcm":
+        assert result["success"], result["message"]
+        assert result["verification"]["objective"] == pytest.approx(expected, rel=2e-2)
+    assert list(result["nodes"]["controls"]) == ["u"]
+    assert result["design"] == {}
+    assert (size.variables, size.constraints) == (
+        solution.statistics.variables,
+        solution.statistics.constraints,
+    )
+
+
+@each_method
+@pytest.mark.parametrize("cost", ["abs(u)", "2*max(u, -u)/2", "-min(-u, u)*w"])
+def test_fuel(rigid_body: dict[str, Any], method: dict[str, Any], cost: str) -> None:
+    """Time 2.6: bursts of length a with a (2.6 - a) = 1."""
+    problem = rigid_body["problem"]
+    problem["model"]["parameters"] = {"m": 1, "w": 1}
+    problem |= {"final_time": 2.6, "objective": {"running": cost}}
+    result = result_of({**rigid_body, "method": method})
+    burst = (2.6 - np.sqrt(2.6**2 - 4)) / 2
+    # One polynomial takes its price for the jumps.
+    assert result["objective"] == pytest.approx(2 * burst, rel=2e-2)
+    assert not [item for item in result["warnings"] if item["code"] == "nonsmooth"]
+
+
+def test_the_fuel_of_the_slew_agrees_with_split_controls(flexible_spacecraft: dict[str, Any]) -> None:
+    problem = flexible_spacecraft["problem"]
+    problem |= {"final_time": 1.3 * 25.866100388, "objective": {"running": "abs(T)"}}
+    split = copy.deepcopy(flexible_spacecraft)
+    split["problem"]["model"] |= {"controls": ["P", "N"], "input": [[1, -1], [0, 0]]}
+    split["problem"] |= {"bounds": {"P": [0, 5], "N": [0, 5]}, "objective": {"running": "P + N"}}
+    method = {"method": {"name": "swcm"}, "options": {"tolerance": 1e-11}}
+    lifted, by_hand = (result_of({**one, **method}) for one in (flexible_spacecraft, split))
+    assert lifted["objective"] == pytest.approx(by_hand["objective"], abs=1e-8)
+    torque = np.subtract(*(by_hand["nodes"]["controls"][name] for name in ("P", "N")))
+    np.testing.assert_allclose(lifted["nodes"]["controls"]["T"], torque, atol=1e-4)
+
+
+def test_an_integral_of_a_magnitude_that_is_bounded_above(rigid_body: dict[str, Any]) -> None:
+    """Fuel 1.2 at most: bursts of 0.6, and a (T - a) = 1 gives T = 0.6 + 1/0.6."""
+    problem = rigid_body["problem"]
+    problem["integrals"] = [{"name": "fuel", "expression": "abs(u)", "bounds": [None, 1.2]}]
+    result = result_of({**rigid_body, "method": {"name": "swcm", "J": 5}})
+    assert result["success"], result["message"]
+    assert result["final_time"] == pytest.approx(0.6 + 1 / 0.6, abs=5e-3)
+    assert result["verification"]["integrals"]["fuel"] <= 1.2 * 1.01
+
+
+def test_corners_that_stay_are_told(rigid_body: dict[str, Any]) -> None:
+    problem = rigid_body["problem"]
+    problem |= {
+        "final_time": 3,
+        "objective": {"running": "u^2 - abs(u)/9 + abs(x)*x", "terminal": "abs(x_f)"},
+    }
+    result = solve(check_document({**rigid_body, "method": {"name": "swcm"}})).result()
+    pointers = [item["pointer"] for item in result["warnings"] if item["code"] == "nonsmooth"]
+    assert pointers == ["/problem/objective/terminal", "/problem/objective/running"]
+
+
+def test_peaks_of_several_plants() -> None:
+    """x' = a u over 1: the peak of a u is 1 for the nominal plant, of the stronger one twice as much."""
+    document: dict[str, Any] = {
+        "problem": {
+            "model": {
+                "kind": "first_order",
+                "states": ["x"],
+                "controls": ["u"],
+                "parameters": {"a": 1},
+                "dynamics": {"x": "a*u"},
+            },
+            "final_time": 1,
+            "initial_state": {"x": 0},
+            "final_state": {"x": [1, None]},
+            "objective": {"maximum": "a*u"},
+            "scenarios": {"cases": [{"name": "strong", "parameters": {"a": 2}}]},
+        },
+        "method": {"name": "swcm", "J": 2},
+    }
+    for choice, expected in (("nominal", 1.0), ("mean", 1.5), ("worst", 2.0)):
+        document["problem"]["scenarios"]["objective"] = choice
+        assert result_of(document)["objective"] == pytest.approx(expected, abs=1e-6)
+
+
+def test_what_refinement_cannot_do_is_refused() -> None:
+    changes = {"/problem/objective": {"running": "abs(T)"}, "/method/refine": "switching"}
+    (fault,) = faults_of(edited(changes))
+    assert (fault.pointer, fault.type) == ("/problem/objective/running", "unsupported")
+    (fault,) = faults_of(edited({"/problem/objective": {"maximum": "alpha^2"}, "/method": {"name": "ga"}}))
+    assert (fault.pointer, fault.type) == ("/problem/objective/maximum", "unsupported")
