@@ -22,7 +22,7 @@ from typing import Any
 import httpx
 
 from tests.bad_documents import FLEXIBLE_SPACECRAFT
-from tests.faults.processes import API, Process, cpu_seconds, listener
+from tests.faults.processes import API, Process, cpu_seconds, listener, memory_bytes
 from tests.servers import DurableServer
 
 Document = dict[str, Any]
@@ -117,6 +117,8 @@ def main() -> None:
     with service(IDLE) as running:
         _print("submit -> done of a no-op, long-poll", _overhead(running.client, solve=False), "<= 8 / 30 ms")
         _rate("no-op jobs, 8 clients", running, _no_op, 400, ">= 150 /s")
+    with service() as running:
+        _memory(running, 2000)
     with service(workers=0) as running:
         _rate("POST of a 4 kB document, 8 clients", running, _post, 500, ">= 300 /s")
     with service() as running:
@@ -154,6 +156,21 @@ def _post(client: httpx.Client) -> None:
     document = {**FLEXIBLE_SPACECRAFT, "notes": "x" * (4096 - len(json.dumps(FLEXIBLE_SPACECRAFT)))}
     answer = client.post("/v1/jobs", json=document)
     assert answer.status_code == 202, answer.text
+
+
+def _memory(running: Running, count: int) -> None:
+    """Print the resident memory of the API and of a worker, with its child, while small jobs go by."""
+    readings = []
+    with ThreadPoolExecutor(4) as threads:
+        for _ in range(4):
+            list(threads.map(lambda _: _no_op(running.client), range(count // 4)))
+            first = running.workers[0]
+            children = sum(memory_bytes(child) for child in first.children())
+            readings.append([each / 2**20 for each in (running.api.memory(), first.memory(), children)])
+    for name, values in zip(("API", "worker", "its child"), zip(*readings, strict=True), strict=True):
+        told = ", ".join(f"{value:.1f}" for value in values)
+        what = f"memory of {name}, {count} small jobs"
+        print(f"{what:<42}{told} MiB after each quarter  +-5 %")
 
 
 def _rate(what: str, running: Running, ask: Callable[[httpx.Client], None], count: int, asked: str) -> None:

@@ -396,6 +396,19 @@ def _webhooks() -> Iterator[BadDocument]:
     yield BadDocument("webhook: a text", _json(changed("/webhook", "https://example.org/")), "/webhook")
 
 
+def _turns() -> Iterator[BadDocument]:
+    for pointer, values in {
+        "/priority": ("urgent", None, 1, ["high"]),
+        "/deadline_seconds": (0, -5, "soon", [60], True),
+        "/reuse": ("yes", 1, {}),
+    }.items():
+        for value in values:
+            yield BadDocument(f"turn: {pointer[1:]} {value}", _json(changed(pointer, value)), pointer)
+    yield BadDocument(
+        "limit: deadline", _json(changed("/deadline_seconds", 1e9)), "/deadline_seconds", "limit"
+    )
+
+
 def _piecewise() -> Iterator[BadDocument]:
     good: dict[str, Any] = {"name": "piecewise", "segments": {"by": "time", "length": 5}}
     other = {"kind": "first_order", "states": ["x"], "controls": ["T"], "dynamics": {"x": "T"}}
@@ -484,6 +497,7 @@ BAD_DOCUMENTS: tuple[BadDocument, ...] = (
     *_unsupported(),
     *_genetic(),
     *_webhooks(),
+    *_turns(),
     *_piecewise(),
     *_broken(),
 )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import runpy
+import sys
 from pathlib import Path
 
 import click
@@ -22,5 +23,7 @@ def bench(names: tuple[str, ...]) -> None:
     for name in names or scripts:
         if name not in scripts:
             fail(f"no benchmark {name!r}; there are {', '.join(scripts)}.", ExitCode.BAD_INPUT)
+    # Some share with the tests how a service is run.
+    sys.path.insert(0, str(FOLDER.parent))
     for name in names or scripts:
         runpy.run_path(str(scripts[name]), run_name="__main__")

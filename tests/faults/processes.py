@@ -82,11 +82,16 @@ class Process:
 
     def memory(self) -> int:
         """Resident memory of the process, in bytes."""
-        return int(Path(f"/proc/{self.pid}/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE")
+        return memory_bytes(self.pid)
 
     def files(self) -> int:
         """The number of its open files."""
         return len(os.listdir(f"/proc/{self.pid}/fd"))
+
+
+def memory_bytes(pid: int) -> int:
+    """Resident memory of a process, in bytes."""
+    return int(Path(f"/proc/{pid}/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE")
 
 
 def cpu_seconds(pid: int) -> float:

@@ -94,7 +94,7 @@ class World:
         ]
         address = f"http://127.0.0.1:{self._socket.getsockname()[1]}"
         self.client = httpx.Client(base_url=address, timeout=_PATIENCE, trust_env=False)
-        give_up = time.monotonic() + 30
+        give_up = time.monotonic() + 90
         while self._ask("GET", "/livez") is None:
             assert time.monotonic() < give_up, f"no API; see {self.directory}"
             time.sleep(0.05)
