@@ -135,7 +135,9 @@ def _joined(segments: Sequence[Segment]) -> Pieces:
 
 def _trajectory(compiled: CompiledPlant, pieces: Pieces, end: float) -> Trajectory:
     """The flight until ``end``, as curves."""
-    times, seen, slopes, before, after = _cut(pieces, compiled.seen_rates(pieces), end)
+    times, seen, slopes, before, after = _cut(
+        pieces, np.nan_to_num(compiled.seen_rates(pieces), posinf=0.0, neginf=0.0), end
+    )
     problem = compiled.plant.problem
     duration = float(times[-1] - times[0])
     knots = (times - times[0]) / duration

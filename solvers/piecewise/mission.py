@@ -16,7 +16,7 @@ from solvers.piecewise.reference import Reference
 from solvers.piecewise.remote import Predictions
 from solvers.piecewise.setup import Setup
 from solvers.piecewise.stop import StopWatch
-from solvers.piecewise.track import Track
+from solvers.piecewise.track import Track, UnseenError
 from solvers.progress import Progress, ProgressReport
 from solvers.status import SolveStatus
 
@@ -87,6 +87,8 @@ def fly_mission(
         pass
     except RunawayError as error:
         mission.status, mission.note = SolveStatus.DIVERGED, f"On the plant {error}."
+    except UnseenError as error:
+        mission.status, mission.note = SolveStatus.EVALUATION_ERROR, f"/method/plant/observe: {error}."
     if not mission.segments:
         mission.segments.append(_standing(setup, plant, mission.status))
     return mission
@@ -101,9 +103,8 @@ def _standing(setup: Setup, plant: CompiledPlant, status: SolveStatus) -> Segmen
     controls = guess.controls_at(np.clip((times - guess.t0) / (guess.tf - guess.t0), 0.0, 1.0))
     start = np.array([interval[0] for interval in problem.initial_state])
     seen = np.repeat(start[:, None], times.size, axis=1)
-    states = np.repeat(
-        [np.append(plant.plant.begin(start, setup.problem.initial_time[0]), 0.0)], times.size, axis=0
-    )
+    begun = np.nan_to_num(plant.plant.begin(start, problem.initial_time[0]), posinf=0.0, neginf=0.0)
+    states = np.repeat([np.append(begun, 0.0)], times.size, axis=0)
     nothing = np.zeros((0, times.size))
     reference = Reference(0, times, seen, controls, nothing, np.nan, status, "Not_Begun", 0, 0, 0)
     track = Track(times, states, seen, controls[:, :-1].T, controls[:, 1:].T)
@@ -128,6 +129,8 @@ def _fly(
     state = np.append(
         plant.plant.begin(start, setup.problem.initial_time[0]), 0.0
     )  # and the running cost so far
+    _hold_finite(mission, state, "start")
+    _hold_finite(mission, flight.see(state, setup.problem.initial_time[0]), "observe")
     reference = predictions.take(watch)
     begun = time.perf_counter()
     tracked = begun
@@ -140,6 +143,7 @@ def _fly(
         flight.held.clear()
         track = setup.tracker.follow(reference, setup.tracker.gains(reference), flight, state, watch)
         tracked = time.perf_counter()
+        _hold_finite(mission, track.seen, "observe")
         mission.segments.append(Segment(reference, track, np.array(flight.held), tracked - started, wait))
         mission.seconds = tracked - begun
         state = track.states[-1]
@@ -148,6 +152,14 @@ def _fly(
         if mission.stopped_at is not None or index + 1 == count:
             return
         reference = predictions.take(watch)
+
+
+def _hold_finite(mission: Mission, values: Vector, key: str) -> None:
+    """End a mission whose plant is not to be seen, or not to be started."""
+    if not np.isfinite(values).all():
+        mission.status = SolveStatus.EVALUATION_ERROR
+        mission.note = f"/method/plant/{key}: an expression has no finite value."
+        raise _Stopped
 
 
 def _judge(mission: Mission, reference: Reference) -> None:

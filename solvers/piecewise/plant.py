@@ -42,11 +42,12 @@ class Plant:
         return cls(problem, equations, _spoken(plant.observe, plant.start, view))
 
     def begin(self, simple: Vector, t: float) -> Vector:
-        """The plant's states for those of the simple model at a time."""
+        """The plant's states for those of the simple model at a time; not finite where there are none."""
         values = {**dict(zip(self.problem.states, simple.tolist(), strict=True)), "t": t}
-        started = self.view.start(
-            {**self.problem.parameters, **self.equations.parameters, **values}, NUMPY.functions
-        )
+        with np.errstate(all="ignore"):
+            started = self.view.start(
+                {**self.problem.parameters, **self.equations.parameters, **values}, NUMPY.functions
+            )
         return np.array([float(started[name]) for name in self.equations.states])
 
     def observe(self, states: Sequence[Any], t: Any, backend: Backend) -> list[Any]:

@@ -13,11 +13,16 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from solvers.errors import OndeletteError
 from solvers.piecewise.gains import Gains, Weights, tracking_gains
 from solvers.piecewise.reference import Reference
 from solvers.piecewise.simple import SimpleModel
 
 Vector = NDArray[np.float64]
+
+
+class UnseenError(OndeletteError):
+    """What is flown cannot be seen: a state of the simple model is not finite."""
 
 
 class Body(Protocol):
@@ -78,7 +83,7 @@ class Tracker:
     ) -> Track:
         """Fly a body along a reference; ``watch`` is called at every node and may raise.
 
-        Raises RunawayError.
+        Raises RunawayError and UnseenError.
         """
         driven = list(self.model.driven)
         lower, upper = self.limits[:, 0], self.limits[:, 1]
@@ -88,6 +93,8 @@ class Tracker:
         for k in range(gains.nodes.shape[0]):
             watch()
             off = seen[-1][driven] - reference.states[driven, 2 * k]
+            if not np.isfinite(off).all():
+                raise UnseenError(f"a state is not finite at t = {times[2 * k]:.6g}")
             first, middle = gains.nodes[k] @ off, gains.middles[k] @ off
             values = [
                 np.clip(ahead[2 * k + place] + correction, lower, upper)

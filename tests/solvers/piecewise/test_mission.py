@@ -222,6 +222,21 @@ def test_a_plant_that_runs_away_is_told() -> None:
     json.dumps(found, allow_nan=False)
 
 
+@pytest.mark.parametrize(
+    ("place", "expression"),
+    [
+        ("start/q", "1/(angle - 1)"),
+        ("observe/angle", "sqrt(q - 5)"),
+        ("observe/rate", "q_dot + 1e-9*log(4 - t)"),
+    ],
+)
+def test_a_plant_that_cannot_be_seen_or_started_is_told(place: str, expression: str) -> None:
+    found = solve(check_document(changed(PENDULUM, f"/method/plant/{place}", expression))).result()
+    assert found["status"] == "evaluation_error"
+    assert f"/method/plant/{place.partition('/')[0]}" in found["message"]
+    json.dumps(found, allow_nan=False)
+
+
 def test_the_predictor_ends_with_the_mission() -> None:
     with RemotePredictor(check_document(PENDULUM).resolved().document) as predictor:
         assert alive(predictor.pid)
