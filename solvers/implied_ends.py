@@ -43,7 +43,9 @@ def relaxed_ends(
     reachable = _reachable(problem, scale)
     basis, implied = np.zeros((0, reachable.shape[1])), list[int]()
     for number, states in enumerate(plants):
-        held = [problem.states.index(name) for name in states]
+        # Rated controls are states of every plant, and judged with the first.
+        own = [name for name in states if number == 0 or name not in plants[0]]
+        held = [problem.states.index(name) for name in own]
         held = [index for index in held if problem.final_state[index][0] == problem.final_state[index][1]]
         while held:
             # The most independent one next: what remains is what the others say already.

@@ -11,6 +11,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from solvers.sampling import problem_of
+from solvers.scenarios import formulate
 from solvers.sizes import problem_size
 from solvers.solve import solve
 from solvers.spec import check_document
@@ -191,6 +192,27 @@ def largest_swing(command: Trajectory, stiffnesses: np.ndarray) -> float:
         rate, (end + 1e-9, end + 40), flown.y[:, -1], method="DOP853", rtol=1e-9, atol=1e-11, max_step=0.1
     )
     return float(np.abs(after.y[stiffnesses.size : 2 * stiffnesses.size]).max())
+
+
+def test_ends_that_follow_from_others_are_found_and_no_more(flexible_spacecraft: dict[str, Any]) -> None:
+    problem = flexible_spacecraft["problem"]
+    problem |= {
+        "control_rates": {"T": [-5, 5]},
+        "initial_control": {"T": 0},
+        "final_control": {"T": 0},
+        "scenarios": {"cases": [{"name": "soft", "parameters": {"k": 90}}]},
+    }
+    formulation = formulate(check_document(flexible_spacecraft).problem, 1e-2)
+    assert formulation.implied == ("theta@soft", "theta_dot@soft")
+    ends = dict(zip(formulation.problem.states, formulation.problem.final_state, strict=True))
+    assert ends["T"] == (0.0, 0.0)
+    assert ends["alpha@soft"] == (0.0, 0.0)
+    assert ends["theta@nominal"] == (np.pi / 6, np.pi / 6)
+    low, high = ends["theta@soft"]
+    assert 0 < high - low < 2e-3
+    # Where a plant may end as it will, nothing follows.
+    problem["scenarios"]["cases"][0]["final_state"] = {"theta": None, "theta_dot": None}
+    assert formulate(check_document(flexible_spacecraft).problem, 1e-2).implied == ()
 
 
 def test_memory_and_work_grow_with_the_number_of_cases_only(flexible_spacecraft: dict[str, Any]) -> None:
