@@ -5,6 +5,9 @@ from __future__ import annotations
 import base64
 import hashlib
 import html
+import re
+from collections.abc import Mapping
+from importlib.resources import files
 
 from fastapi import APIRouter, Request, Response
 from fastapi.openapi.docs import get_swagger_ui_html
@@ -43,14 +46,21 @@ _PAGE = f"""<!doctype html>
 </html>
 """
 
-_STYLE_HASH = base64.b64encode(hashlib.sha256(_STYLE.encode()).digest()).decode()
-_PAGE_POLICY = f"default-src 'none'; style-src 'sha256-{_STYLE_HASH}'; frame-ancestors 'none'"
 
-_CDN = "https://cdn.jsdelivr.net"
-_DOCS_POLICY = (
-    f"default-src 'none'; connect-src 'self'; img-src 'self' data: https://fastapi.tiangolo.com; "
-    f"style-src 'unsafe-inline' {_CDN}; script-src 'unsafe-inline' {_CDN}; frame-ancestors 'none'"
-)
+def _digest(text: str) -> str:
+    """The hash by which a content security policy allows what stands in the page."""
+    return base64.b64encode(hashlib.sha256(text.encode()).digest()).decode()
+
+
+_PAGE_POLICY = f"default-src 'none'; style-src 'sha256-{_digest(_STYLE)}'; frame-ancestors 'none'"
+
+# The files of Swagger UI come with a package, so that the documentation opens where there is no internet, and
+# so that nobody else's server is asked.
+_ASSETS: Mapping[str, str] = {
+    "swagger-ui-bundle.js": "text/javascript",
+    "swagger-ui.css": "text/css",
+    "favicon.png": "image/png",
+}
 
 
 @router.get("/", include_in_schema=False)
@@ -63,9 +73,30 @@ def page(request: Request) -> HTMLResponse:
 @router.get("/docs", include_in_schema=False)
 def docs(request: Request) -> HTMLResponse:
     """Return the API's documentation."""
-    answer = get_swagger_ui_html(openapi_url="/openapi.json", title=f"{request.app.title}: the interface")
-    answer.headers["Content-Security-Policy"] = _DOCS_POLICY
+    answer = get_swagger_ui_html(
+        openapi_url="/openapi.json",
+        title=f"{request.app.title}: the interface",
+        swagger_js_url="/docs/swagger-ui-bundle.js",
+        swagger_css_url="/docs/swagger-ui.css",
+        swagger_favicon_url="/docs/favicon.png",
+    )
+    # The one script that stands in the page itself, and those from here.
+    script = re.search(r"<script>(.*?)</script>", bytes(answer.body).decode(), re.DOTALL)
+    assert script is not None
+    answer.headers["Content-Security-Policy"] = (
+        f"default-src 'none'; connect-src 'self'; img-src 'self' data:; style-src 'self' 'unsafe-inline'; "
+        f"script-src 'self' 'sha256-{_digest(script[1])}'; frame-ancestors 'none'"
+    )
     return answer
+
+
+@router.get("/docs/{name}", include_in_schema=False)
+def asset(name: str) -> Response:
+    """Return a file that the documentation needs."""
+    if name not in _ASSETS:
+        raise ServiceError("not-found")
+    content = (files("fastapi_offline") / "static" / name).read_bytes()
+    return Response(content, media_type=_ASSETS[name], headers={"Cache-Control": "max-age=86400"})
 
 
 @router.get("/problems/{name}", include_in_schema=False, responses=refusals(404))

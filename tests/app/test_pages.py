@@ -1,7 +1,11 @@
+import base64
+import hashlib
+import re
 from typing import Any
 
 import httpx
 
+from tests.problems import problem
 from worker.queue import JobQueue
 
 
@@ -57,3 +61,21 @@ def test_the_process_is_alive_and_ready_when_a_worker_is(client: httpx.Client, q
     assert int(waiting.headers["retry-after"]) >= 1
     queue.beat("one@host", 2, 60)
     assert client.get("/readyz").json() == {"status": "ready", "workers": {"one@host": 2}, "queued": 0}
+
+
+def test_the_documentation_needs_nobody_elses_server(client: httpx.Client) -> None:
+    page = client.get("/docs")
+    assert not re.findall(r"(?:src|href)=\"https?:", page.text)
+    policy = page.headers["content-security-policy"]
+    assert "http" not in policy
+    for address in re.findall(r"(?:src|href)=\"([^\"]+)\"", page.text):
+        answer = client.get(address)
+        assert answer.status_code == 200, address
+        assert len(answer.content) > 1_000
+    # The script in the page is the one that the policy allows.
+    (script,) = re.findall(r"<script>(.*?)</script>", page.text, re.DOTALL)
+    digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
+    assert f"'sha256-{digest}'" in policy
+    assert "script-src 'self' 'unsafe-inline'" not in policy
+    problem(client.get("/docs/consts.py"), 404, "not-found")
+    problem(client.get("/docs/..%2Fconsts.py"), 404, "not-found")
