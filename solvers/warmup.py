@@ -8,6 +8,9 @@ import casadi as ca
 import numpy as np
 import scipy.linalg
 
+from solvers.arrays.graph import Graph
+from solvers.arrays.kernel import fastest_kernel
+
 # Large enough for the blocked algorithms, which want a work space.
 _ORDER = 256
 
@@ -25,4 +28,6 @@ def warm_up() -> None:
     ca.solve(ca.DM(matrix), ca.DM.ones(_ORDER, 1), "lapacklu")
     x = ca.SX.sym("x")
     quiet: dict[str, Any] = {"print_time": False, "ipopt.print_level": 0, "ipopt.sb": "yes"}
+    angle = Graph().input("angle")
+    fastest_kernel()([angle.graph.apply("sin", angle)], ["angle"], 1).run()
     ca.nlpsol("warm_up", "ipopt", {"x": x, "f": (x - 1) ** 2}, quiet)(x0=0)

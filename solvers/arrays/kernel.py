@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Callable, Mapping, Sequence
-from functools import partial
-from typing import Any
+from functools import cache, partial
+from importlib.util import find_spec
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +14,7 @@ from numpy.typing import NDArray
 from solvers.arrays.graph import OPERATIONS, Graph, Symbol, needed
 
 Vector = NDArray[np.float64]
+logger = logging.getLogger(__name__)
 
 
 class NumpyKernel:
@@ -76,15 +79,52 @@ def _steps(
     return steps + copies
 
 
+class Kernel(Protocol):
+    """What runs a graph: write the inputs, run, read the outputs."""
+
+    inputs: Vector
+    outputs: Vector
+
+    def run(self) -> None:
+        """Evaluate everything."""
+        ...
+
+
+MakeKernel = Callable[[Sequence[Symbol], Sequence[str], int], Kernel]
+
+
+@cache
+def fastest_kernel() -> MakeKernel:
+    """The compiled kernel where numba is installed, else NumPy's."""
+    if find_spec("numba") is None:
+        return NumpyKernel
+    try:
+        from solvers.arrays.compiled import CompiledKernel
+    except (
+        ImportError,
+        RuntimeError,
+    ) as error:  # it does not fit, or finds no place to keep what it compiles
+        logger.warning("numba cannot be used (%s): populations are evaluated by NumPy, more slowly", error)
+        return NumpyKernel
+    return CompiledKernel
+
+
 class Kernels:
-    """Kernels of the same values for several numbers of places, made where they are first wanted."""
+    """Kernels of the same values for several numbers of places, made where they are first wanted.
 
-    def __init__(self, outputs: Sequence[Symbol], names: Sequence[str]) -> None:
+    ``make``: by default the fastest there is.
+    """
+
+    def __init__(
+        self, outputs: Sequence[Symbol], names: Sequence[str], make: MakeKernel | None = None
+    ) -> None:
         self._outputs, self._names = list(outputs), list(names)
-        self._made: dict[int, NumpyKernel] = {}
+        self._make = make or fastest_kernel()
+        self._made: dict[int, Kernel] = {}
 
-    def at(self, places: int) -> NumpyKernel:
+    def at(self, places: int) -> Kernel:
         """The kernel for so many places."""
         if places not in self._made:
-            self._made[places] = NumpyKernel(self._outputs, self._names, places)
+            make = self._make if self._outputs else NumpyKernel
+            self._made[places] = make(self._outputs, self._names, places)
         return self._made[places]

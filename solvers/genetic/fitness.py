@@ -15,6 +15,7 @@ from solvers.genetic.model import ArrayModel
 from solvers.genetic.simulation import Simulated, Simulator
 
 Vector = NDArray[np.float64]
+_Reader = Callable[[Individuals, Simulated], Vector]
 
 
 @dataclass(frozen=True)
@@ -46,9 +47,7 @@ class Fitness:
         self._penalty, self._pause = penalty, pause
         self._inputs = [name for name in model.end_inputs if name in depends_on(model.ends)]
         self._ends = Kernels(model.ends, self._inputs)
-        self._problem = model.problem
-        table = genome.basis.values(genome.basis.levels)
-        self._edges = table[:, [0, -1]]
+        self._readers = [self._reader(name) for name in self._inputs]
         self.evaluations = 0
 
     def __call__(self, genes: Vector) -> Vector:
@@ -76,10 +75,8 @@ class Fitness:
         individuals = self.genome.read(genes)
         simulated = self._simulator.simulate(individuals)
         kernel = self._ends.at(genes.shape[0])
-        if self._inputs:
-            values = self._at_the_ends(individuals, simulated)
-            for name, row in zip(self._inputs, kernel.inputs, strict=True):
-                row[:] = values[name]
+        for read, row in zip(self._readers, kernel.inputs, strict=True):
+            row[:] = read(individuals, simulated)
         kernel.run()
         residuals = kernel.outputs[1:]
         return Evaluation(
@@ -88,15 +85,31 @@ class Fitness:
             simulated.violation + individuals.strayed,
         )
 
-    def _at_the_ends(self, individuals: Individuals, simulated: Simulated) -> dict[str, Vector]:
-        problem = self._problem
-        values = {"t0": individuals.t0, "tf": individuals.tf}
-        values |= {item.name: row for item, row in zip(problem.design, individuals.design, strict=True)}
-        values |= {item.name: row for item, row in zip(problem.integrals, simulated.integrals, strict=True)}
-        values |= {f"{name}_0": row for name, row in zip(problem.states, individuals.initial, strict=True)}
-        values |= {f"{name}_f": row for name, row in zip(problem.states, simulated.final, strict=True)}
-        for j, name in enumerate(problem.controls):
-            for suffix, edge in zip(("_0", "_f"), self._edges.T, strict=True):
-                if f"{name}{suffix}" in self._inputs:
-                    values[f"{name}{suffix}"] = individuals.coefficients[:, j] @ edge
-        return values
+    def _reader(self, name: str) -> _Reader:
+        """What gives an input of the ends, (P,)."""
+        problem, basis = self.genome.problem, self.genome.basis
+        edges = basis.values(basis.levels)[:, [0, -1]].T
+        readers: dict[str, _Reader] = {
+            "t0": lambda individuals, _: individuals.t0,
+            "tf": lambda individuals, _: individuals.tf,
+        }
+        readers |= {item.name: _given("design", i) for i, item in enumerate(problem.design)}
+        readers |= {item.name: _reached("integrals", i) for i, item in enumerate(problem.integrals)}
+        for i, state in enumerate(problem.states):
+            readers |= {f"{state}_0": _given("initial", i), f"{state}_f": _reached("final", i)}
+        for j, control in enumerate(problem.controls):
+            readers |= {f"{control}_0": _control(j, edges[0]), f"{control}_f": _control(j, edges[1])}
+        return readers[name]
+
+
+def _given(field: str, row: int) -> _Reader:
+    return lambda individuals, _: getattr(individuals, field)[row]
+
+
+def _reached(field: str, row: int) -> _Reader:
+    return lambda _, simulated: getattr(simulated, field)[row]
+
+
+def _control(index: int, values: Vector) -> _Reader:
+    """A control where the functions have these values."""
+    return lambda individuals, _: individuals.coefficients[:, index] @ values

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Protocol
 
@@ -47,7 +47,7 @@ class EndEquations(Protocol):
         ...
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Genome:
     """Genes in order: the coefficients of each control in turn, then what else is free.
 
@@ -59,8 +59,9 @@ class Genome:
     scaling: Scaling
     basis: DaubechiesBasis
     start: Start
+    _kept: dict[int, tuple[Vector, Vector]] = field(default_factory=dict, init=False, repr=False)
 
-    @property
+    @cached_property
     def controls(self) -> int:
         """How many of the genes are coefficients."""
         return len(self.problem.controls) * self.basis.size
@@ -89,14 +90,21 @@ class Genome:
         count, scales = genes.shape[0], self.scaling.controls
         shape = (count, len(self.problem.controls), self.basis.size)
         coefficients = genes[:, : self.controls].reshape(shape) * scales[:, None]
-        values = np.repeat(self._values[:, None], count, axis=1)
-        strayed = np.zeros(count)
+        values, strayed = self._given(count)
+        if not self.fixed:
+            values, strayed = values.copy(), strayed.copy()
         for gene, (index, interval, scale) in zip(genes[:, self.controls :].T, self._free, strict=True):
             wanted = self._values[index] + scale * gene
             values[index] = np.clip(wanted, *interval)
             strayed += ((wanted - values[index]) / scale) ** 2
         n = len(self.problem.states)
         return Individuals(coefficients, values[:n], values[n:-2], values[-2], values[-1], strayed)
+
+    def _given(self, count: int) -> tuple[Vector, Vector]:
+        """What is given, for so many individuals, and no straying; the arrays are kept."""
+        if count not in self._kept:
+            self._kept[count] = np.repeat(self._values[:, None], count, axis=1), np.zeros(count)
+        return self._kept[count]
 
     def end_equations(self, simulator: EndEquations) -> tuple[Vector, Vector]:
         """Matrix (K, size) and right side (K,) of the end conditions that are linear in the genes.

@@ -85,8 +85,9 @@ class QuadratureSimulator:
         self._bounded = bool(depends_on([model.violation]))
         self._outputs += [model.violation] if self._bounded else []
         named = depends_on(self._outputs)
-        self._inputs = [name for name in model.inputs if name in named]
-        self._kernels = Kernels(self._outputs, self._inputs)
+        inputs = [name for name in model.inputs if name in named]
+        self._named = [self._responses[name] for name in inputs]
+        self._kernels = Kernels(self._outputs, inputs)
         places = {name: index for index, name in enumerate(self._states)}
         self._chained = [places[name] for name in chains.rates]
         self._integral = [places[name] for name in chains.integrals]
@@ -119,8 +120,7 @@ class QuadratureSimulator:
         if not self._outputs:
             return np.zeros((0, shape[0]))
         kernel = self._kernels.at(shape[0] * shape[1])
-        for name, row in zip(self._inputs, kernel.inputs, strict=True):
-            response, values = self._responses[name], row.reshape(shape)
+        for response, values in zip(self._named, kernel.inputs.reshape(-1, *shape), strict=True):
             np.matmul(flat[:, response.genes], response.table, out=values)
             if response.moves:
                 values += response.constant

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,7 +32,7 @@ class Response:
     genes: slice
     total: int
 
-    @property
+    @cached_property
     def moves(self) -> bool:
         """Whether the constant part is not zero."""
         return bool(self.constant.any())

@@ -5,12 +5,14 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from solvers.arrays.compiled import CompiledKernel
 from solvers.arrays.graph import Graph, GraphBackend
-from solvers.arrays.kernel import Kernels, NumpyKernel
+from solvers.arrays.kernel import Kernels, MakeKernel, NumpyKernel, fastest_kernel
 from solvers.arrays.structure import affine, degree, depends_on
 from solvers.backends import NUMPY
 from solvers.expressions import parse
 
+KERNELS = [NumpyKernel, CompiledKernel]
 NAMES = ("x", "y", "z")
 TEXTS = [
     "x",
@@ -32,21 +34,23 @@ def graph_of(*texts: str) -> list:
     return [graph.symbol(parse(text).evaluate(scope, GraphBackend(graph).functions)) for text in texts]
 
 
+@pytest.mark.parametrize("make", KERNELS)
 @pytest.mark.parametrize("text", TEXTS)
-def test_a_kernel_gives_what_the_expression_gives(text: str) -> None:
-    values = np.random.default_rng(1).uniform(0.1, 3.0, (3, 50))
+def test_a_kernel_gives_what_the_expression_gives(make: MakeKernel, text: str) -> None:
+    values = np.random.default_rng(1).uniform(0.1, 3.0, (3, 600))
     (symbol,) = graph_of(text)
-    kernel = NumpyKernel([symbol], NAMES, 50)
+    kernel = make([symbol], NAMES, 600)
     kernel.inputs[:] = values
     kernel.run()
     expected = parse(text).evaluate(dict(zip(NAMES, values, strict=True)))
-    np.testing.assert_allclose(kernel.outputs[0], np.broadcast_to(expected, 50), rtol=1e-13)
+    np.testing.assert_allclose(kernel.outputs[0], np.broadcast_to(expected, 600), rtol=1e-13)
 
 
-def test_values_that_use_each_other_keep_apart() -> None:
+@pytest.mark.parametrize("make", KERNELS)
+def test_values_that_use_each_other_keep_apart(make: MakeKernel) -> None:
     """Arrays are used again; an output that is also an operand, or stands twice, must survive."""
     texts = ["x*y", "x*y + sin(x*y)", "x*y", "y", "2", "sin(x*y)*(x*y + sin(x*y))"]
-    kernels = Kernels(graph_of(*texts), NAMES)
+    kernels = Kernels(graph_of(*texts), NAMES, make)
     for places in (7, 3, 7):
         kernel = kernels.at(places)
         kernel.inputs[:] = np.random.default_rng(places).normal(size=(3, places))
@@ -113,3 +117,32 @@ def test_a_zero_on_the_diagonal_is_exchanged() -> None:
     kernel.run()
     expected = NUMPY.solve([[0.0, 2.0], [4.0, 1.0]], [2.0, 9.0])
     np.testing.assert_allclose(kernel.outputs[:, 0], expected)
+
+
+@pytest.mark.parametrize("largest", [1.0, 1e3, 9e4, 1e7, 1e300])
+def test_compiled_sines_of_angles_of_any_size(largest: float) -> None:
+    angles = np.random.default_rng(3).uniform(-largest, largest, 2000)
+    angles[:8] = np.arange(-4, 4) * np.pi / 2
+    kernel = CompiledKernel(graph_of("sin(x)", "cos(x)"), NAMES, 2000)
+    kernel.inputs[0] = angles
+    kernel.run()
+    np.testing.assert_allclose(kernel.outputs, [np.sin(angles), np.cos(angles)], atol=1e-15, rtol=0)
+
+
+def test_compiled_values_that_are_not_numbers() -> None:
+    kernel = CompiledKernel(graph_of("sin(x)", "cos(x)", "sqrt(x)", "1/x", "min(x, 1)"), NAMES, 4)
+    kernel.inputs[0] = [np.nan, np.inf, -1.0, 0.0]
+    kernel.run()
+    with np.errstate(all="ignore"):
+        x = kernel.inputs[0]
+        expected = [np.sin(x), np.cos(x), np.sqrt(x), 1 / x, np.minimum(x, 1)]
+    np.testing.assert_allclose(kernel.outputs, expected, atol=1e-15)
+
+
+def test_the_fastest_kernel_is_the_compiled_one_where_numba_is(monkeypatch: pytest.MonkeyPatch) -> None:
+    fastest_kernel.cache_clear()
+    assert fastest_kernel() is CompiledKernel
+    fastest_kernel.cache_clear()
+    monkeypatch.setattr("solvers.arrays.kernel.find_spec", lambda name: None)
+    assert fastest_kernel() is NumpyKernel
+    fastest_kernel.cache_clear()
