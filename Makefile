@@ -5,6 +5,7 @@
 #   make check   lint, types, arrows between the packages
 #   make serve   run the service on http://127.0.0.1:8000
 #   make bench   the benchmark tables
+#   make bench-ga   the tables of the genetic algorithm (about 20 minutes), and its figures
 #   make soak    a service with production values to which a thousand faults happen (about half an hour), then
 #                missions from every side of the Earth (some minutes)
 #   make bench-peers   the same problems by other libraries, each installed into .venv-peers (about 10 minutes)
@@ -14,7 +15,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt
 
-.PHONY: setup demo test check serve bench bench-peers soak clean
+.PHONY: setup demo test check serve bench bench-ga bench-peers soak clean
 
 setup: $(VENV)/.installed
 
@@ -40,6 +41,10 @@ serve: setup
 
 bench: setup
 	@$(BIN)/ondelette bench
+
+bench-ga: $(VENV)/.installed-dev
+	@$(BIN)/python benchmarks/genetic.py
+	@$(BIN)/python benchmarks/genetic_figures.py
 
 PEERS := $(patsubst benchmarks/peers/requirements-%.txt,%,$(wildcard benchmarks/peers/requirements-*.txt))
 

@@ -46,9 +46,9 @@ def fly(model: ArrayModel, found: Found) -> Simulation:
     simulator = RungeKuttaSimulator(model, found.genome, level, clipped=True)
     individuals = found.genome.read(found.genes[None, :])
     with np.errstate(all="ignore"):
-        states = simulator.path(individuals)[:, 0]
-        integrals = simulator.simulate(individuals).integrals[:, 0]
-        evaluation = Fitness(model, found.genome, simulator, 0.0).evaluate(found.genes[None, :])
+        paths, simulated = simulator.fly(individuals)
+        evaluation = Fitness(model, found.genome, simulator, 0.0).judge(individuals, simulated)
+    states, integrals = paths[:, 0], simulated.integrals[:, 0]
     # Where the model has no value, a flight stays at its start: there the diagnosis looks for the reason.
     states = np.where(np.isfinite(states), states, individuals.initial)
     t0, tf = float(individuals.t0[0]), float(individuals.tf[0])

@@ -43,7 +43,7 @@ class Fitness:
         penalty: float,
         pause: Callable[[], None] = lambda: None,
     ) -> None:
-        self.genome, self._simulator = genome, simulator
+        self.genome, self.simulator = genome, simulator
         self._penalty, self._pause = penalty, pause
         self._inputs = [name for name in model.end_inputs if name in depends_on(model.ends)]
         self._ends = Kernels(model.ends, self._inputs)
@@ -56,7 +56,7 @@ class Fitness:
 
     def evaluate(self, genes: Vector) -> Evaluation:
         """Objective, residual and violation."""
-        size = self._simulator.block
+        size = self.simulator.block
         blocks = []
         with np.errstate(all="ignore"):
             for start in range(0, genes.shape[0], size):
@@ -73,8 +73,11 @@ class Fitness:
 
     def _block(self, genes: Vector) -> Evaluation:
         individuals = self.genome.read(genes)
-        simulated = self._simulator.simulate(individuals)
-        kernel = self._ends.at(genes.shape[0])
+        return self.judge(individuals, self.simulator.simulate(individuals))
+
+    def judge(self, individuals: Individuals, simulated: Simulated) -> Evaluation:
+        """Objective, residual and violation of what was simulated."""
+        kernel = self._ends.at(individuals.tf.size)
         for read, row in zip(self._readers, kernel.inputs, strict=True):
             row[:] = read(individuals, simulated)
         kernel.run()

@@ -49,17 +49,19 @@ class RungeKuttaSimulator:
 
     def simulate(self, individuals: Individuals) -> Simulated:
         """See :class:`Simulator`."""
-        last = deque(self._march(individuals), maxlen=1)[0]
+        return self._summed(deque(self._march(individuals), maxlen=1)[0], individuals)
+
+    def fly(self, individuals: Individuals) -> tuple[Vector, Simulated]:
+        """States at the ends of all steps, (n, P, steps + 1), and what :meth:`simulate` gives."""
+        rows = np.stack([states.copy() for states in self._march(individuals)], axis=-1)
+        return rows[: self._states], self._summed(rows[..., -1], individuals)
+
+    def _summed(self, last: Vector, individuals: Individuals) -> Simulated:
         n, k, duration = self._states, self._integrals, individuals.tf - individuals.t0
         flat = individuals.coefficients.reshape(duration.size, -1)
         cost = last[n + k].copy() if self._energy is None else duration * self._energy(flat)
         violation = last[-1] / duration if self._bounded else np.zeros(duration.size)
         return Simulated(last[:n].copy(), cost, last[n : n + k].copy(), violation)
-
-    def path(self, individuals: Individuals) -> Vector:
-        """States at the ends of all steps, (n, P, steps + 1)."""
-        n = self._states
-        return np.stack([states[:n].copy() for states in self._march(individuals)], axis=-1)
 
     def _march(self, individuals: Individuals) -> Iterator[Vector]:
         """States and integrals (n + extra, P) at the ends of all steps; the array is used again."""

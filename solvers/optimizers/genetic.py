@@ -68,28 +68,28 @@ class ClassicOperators:
     def children(self, parents: Generation, random: np.random.Generator) -> Vector:
         """Selected, crossed and mutated genes."""
         count, size = parents.genes.shape
-        genes = parents.genes[random.choice(count, count, p=chances(parents.fitness))]
-        pairs = count // 2
-        crossed = random.random(pairs) < self.crossover_probability
-        places = random.integers(1, max(size, 2), pairs)
-        tails = (np.arange(size) >= places[:, None]) & crossed[:, None]
-        first, second = genes[: 2 * pairs : 2], genes[1 : 2 * pairs : 2]
-        genes[: 2 * pairs : 2], genes[1 : 2 * pairs : 2] = (
-            np.where(tails, second, first),
-            np.where(tails, first, second),
-        )
+        wheel = np.cumsum(chances(parents.fitness))
+        drawn = np.searchsorted(wheel, random.random(count) * wheel[-1], side="right")
+        genes = parents.genes[drawn]
+        pairs = genes[: count - count % 2].reshape(-1, 2, size)
+        crossed = random.random(len(pairs)) < self.crossover_probability
+        places = np.where(crossed, random.integers(1, max(size, 2), len(pairs)), size)
+        tails = np.arange(size) >= places[:, None]
+        pairs[:] = np.where(tails[:, None, :], pairs[:, ::-1], pairs)
         mutated = random.random(genes.shape) < self.mutation_probability
-        genes[mutated] += self.mutation_sigma * random.standard_normal(np.count_nonzero(mutated))
+        genes += self.mutation_sigma * mutated * random.standard_normal(genes.shape)
         return np.asarray(genes, np.float64)
 
     def _with_elite(self, before: Generation, now: Generation) -> Generation:
-        if not self.elite:
-            return now
-        best = np.argsort(before.fitness, kind="stable")[: self.elite]
-        worst = np.argsort(now.fitness, kind="stable")[-self.elite :]
-        genes, fitness = now.genes, now.fitness.copy()
-        genes[worst], fitness[worst] = before.genes[best], before.fitness[best]
-        return Generation(genes, fitness)
+        """The elite of the generation before in place of the worst; in the arrays of this one."""
+        if self.elite == 1:  # without sorting
+            best, worst = before.best, int(np.argmax(now.fitness))
+            now.genes[worst], now.fitness[worst] = before.genes[best], before.fitness[best]
+        elif self.elite:
+            order = np.argsort(before.fitness, kind="stable")[: self.elite]
+            last = np.argsort(now.fitness, kind="stable")[-self.elite :]
+            now.genes[last], now.fitness[last] = before.genes[order], before.fitness[order]
+        return now
 
 
 def chances(fitness: Vector) -> Vector:
@@ -98,11 +98,12 @@ def chances(fitness: Vector) -> Vector:
     Where some J is not positive, all are raised until the best is a thousandth of their spread.
     """
     finite = np.isfinite(fitness)
-    if not finite.any():
-        return np.full(fitness.size, 1.0 / fitness.size)
-    values = fitness[finite]
-    if values.min() <= 0.0:
-        values = values - values.min() + max(1e-3 * float(np.ptp(values)), 1e-300)
-    weights = np.zeros(fitness.size)
-    weights[finite] = values.min() / values
+    if not finite.all():
+        weights = np.zeros(fitness.size)
+        weights[finite] = chances(fitness[finite]) if finite.any() else 0.0
+        return weights if finite.any() else np.full(fitness.size, 1.0 / fitness.size)
+    best = fitness.min()
+    if best <= 0.0:
+        fitness = fitness - best + max(1e-3 * float(np.ptp(fitness)), 1e-300)
+    weights = 1.0 / fitness
     return np.asarray(weights / weights.sum(), np.float64)
