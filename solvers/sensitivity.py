@@ -29,7 +29,7 @@ Place = tuple[str | int, ...]
 _STEP = 1e-5
 
 _TIMES = ("initial_time", "final_time")
-_TABLES = ("initial_state", "final_state", "bounds", "initial_control", "final_control")
+_TABLES = ("initial_state", "final_state", "bounds", "control_rates", "initial_control", "final_control")
 _LISTS = ("path_constraints", "boundary_constraints", "integrals")
 
 
@@ -40,16 +40,20 @@ def sensitivity(spec: ProblemSpec, solved: Solved) -> dict[str, float | None]:
     optimised itself, and parameters that follow from that, have none.
     """
     parameters = solved.transcription.problem.parameters
+    here = _lagrangian(solved, solved.transcription.problem)
     found: dict[str, float | None] = {}
     for place, value in _numbers(spec, parameters):
         number = evaluate_constant(value, parameters)
         step = _STEP * (abs(number) or 1.0)
+
+        def there(change: float, place: Place = place, number: float = number) -> float:
+            return _lagrangian(solved, formulate(_changed(spec, place, number + change)).problem)
+
         with np.errstate(all="ignore"):
-            below, above = (
-                _lagrangian(solved, formulate(_changed(spec, place, number + change)).problem)
-                for change in (-step, step)
-            )
-        slope = (above - below) / (2.0 * step)
+            above = there(step)
+            # The Lagrangian is linear in bounds and ends, smooth in parameters.
+            below, width = (there(-step), 2.0 * step) if place[0] == "model" else (here, step)
+        slope = (above - below) / width
         found["/problem/" + "/".join(map(str, place))] = slope if np.isfinite(slope) else None
     return found
 
