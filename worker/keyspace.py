@@ -1,0 +1,126 @@
+"""Where jobs are in Redis, and how one script changes all of a job at once.
+
+The record is the truth about a job; messages of the queue only say that there is something to do. Every
+change of status is one script (`worker.scripts`), so that two processes never see or make half a change.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from importlib.metadata import version
+from typing import Any, cast
+
+from redis import Redis
+
+from worker import scripts
+from worker.errors import JobGone, JobNotFound
+from worker.hooks import HookList
+from worker.records import JobRecord, Priority, is_job_id
+from worker.settings import QueueSettings
+
+_MEMORY = 30 * 86_400
+
+
+class Keyspace:
+    """Keys, registers and scripts of one service; what each side of the store builds upon."""
+
+    def __init__(self, redis: Redis, settings: QueueSettings) -> None:
+        self.redis = redis
+        self.channel = f"{settings.prefix}status"
+        """Channel on which every event of a job is published as ``<id> <event>``."""
+        self.hooks = HookList(redis, settings)
+        self._prefix = settings.prefix
+        self._index = f"{settings.prefix}index"
+        self._queued = {priority: f"{settings.prefix}queued:{priority}" for priority in Priority}
+        self._deadlines = f"{settings.prefix}deadlines"
+        self._projects = f"{settings.prefix}projects"
+        self._running = f"{settings.prefix}running"
+        self._counts = f"{settings.prefix}counts"
+        self._unacked = f"{settings.prefix}unacked_index"
+        self._lease = settings.lease_seconds
+        self._retention = settings.retention_seconds
+        self._start = self._script(scripts.START)
+        self._report = self._script(scripts.REPORT)
+        self._finish = self._script(scripts.FINISH)
+        self._fail = self._script(scripts.FAIL)
+        self._lose = self._script(scripts.LOSE)
+        self._renew = self._script(scripts.RENEW)
+        self._reclaim = self._script(scripts.RECLAIM)
+        self._hand_back = self._script(scripts.HAND_BACK)
+        self._give_up = self._script(scripts.GIVE_UP)
+        self._cancel = self._script(scripts.CANCEL)
+        self._pin = self._script(scripts.PIN)
+        self._erase = self._script(scripts.ERASE)
+        self._answer = self._script(scripts.ANSWER)
+
+    def get(self, job_id: str) -> JobRecord:
+        """Return the record of a job."""
+        job, _, _, tombstone = self._keys(job_id)
+        with self.redis.pipeline(transaction=False) as pipe:
+            pipe.hgetall(job)
+            pipe.exists(tombstone)
+            fields, known = pipe.execute()
+        if fields:
+            return _record(fields)
+        raise JobGone(job_id) if known else JobNotFound(job_id)
+
+    def take_turn(self, task: str, seconds: float) -> bool:
+        """Tell whether this process is the one that does ``task`` during the next ``seconds``."""
+        return bool(
+            self.redis.set(f"{self._prefix}turn:{task}", "", nx=True, px=max(1, round(1000 * seconds)))
+        )
+
+    def _listed(self, register: str, moment: float, limit: int) -> list[str]:
+        found = self.redis.zrangebyscore(register, "-inf", f"({moment!r}", start=0, num=limit)
+        return [job_id.decode() for job_id in cast(list[bytes], found)]
+
+    def _keys(self, job_id: str) -> list[str]:
+        # Whatever else somebody asks for is no job, and must not become part of a key.
+        if not is_job_id(job_id):
+            raise JobNotFound(job_id)
+        job = f"{self._prefix}job:{job_id}"
+        return [job, f"{job}:document", f"{job}:result", f"{self._prefix}gone:{job_id}"]
+
+    def _answer_to(self, digest: str) -> str:
+        return f"{self._prefix}answer:{version('ondelette')}:{digest}"
+
+    def _stream(self, job_id: str) -> str:
+        return f"{self._keys(job_id)[0]}:events"
+
+    def _script(self, text: str) -> Callable[..., Any]:
+        return cast(Callable[..., Any], self.redis.register_script(text))
+
+    def _run(
+        self, script: Callable[..., Any], job_id: str, *args: str | float | bytes, keys: Sequence[str] = ()
+    ) -> bytes | int | None:
+        common = (job_id, self.channel, repr(time.time()), self._retention, _MEMORY, self._lease)
+        ours = (
+            *self._keys(job_id),
+            self._running,
+            self._stream(job_id),
+            self._counts,
+            self._deadlines,
+            *self._queued.values(),
+        )
+        return cast(bytes | int | None, script(keys=[*ours, *keys], args=[*common, *args]))
+
+    def _index_of(self, project: str) -> str:
+        return f"{self._index}:{project}"
+
+    def _active_of(self, project: str) -> str:
+        return f"{self._prefix}active:{project}"
+
+    def _records(self, ids: Sequence[bytes], index: str) -> list[JobRecord]:
+        with self.redis.pipeline(transaction=False) as pipe:
+            for job_id in ids:
+                pipe.hgetall(self._keys(job_id.decode())[0])
+            hashes = pipe.execute() if ids else []
+        expired = [job_id for job_id, fields in zip(ids, hashes, strict=True) if not fields]
+        if expired:
+            self.redis.zrem(index, *expired)
+        return [_record(fields) for fields in hashes if fields]
+
+
+def _record(fields: dict[bytes, bytes]) -> JobRecord:
+    return JobRecord.from_hash({key.decode(): value.decode() for key, value in fields.items()})

@@ -1,0 +1,229 @@
+"""The side of the store that whoever submits jobs and asks for them sees."""
+
+from __future__ import annotations
+
+import json
+import time
+import zlib
+from collections.abc import Callable, Iterator, Sequence
+from typing import Any, cast
+
+from redis.client import Pipeline
+
+from worker.counts import Counts
+from worker.errors import JobActive, JobGone, JobNotFound
+from worker.keyspace import Keyspace
+from worker.records import FIRST, JobEvent, JobRecord, JobStatus, Priority
+
+_COMPRESSION = 3
+_SCAN = 100
+_SCANS_PER_PAGE = 20
+_COUNTED_AT_ONCE = 1_000
+
+
+class Submitting(Keyspace):
+    """Jobs added, found, listed, cancelled, kept and erased."""
+
+    def add(self, record: JobRecord, document: bytes) -> None:
+        """Remember a new job and its ``document``, the JSON text as it was submitted."""
+        with self.redis.pipeline(transaction=True) as pipe:
+            self.add_to(pipe, record, document)
+            pipe.execute()
+
+    def add_to(self, pipe: Pipeline, record: JobRecord, document: bytes) -> None:
+        """Make what `add` does part of a transaction."""
+        job, body, *_ = self._keys(record.id)
+        pipe.hset(job, mapping=cast(Any, record.to_hash()))
+        pipe.set(body, zlib.compress(document, _COMPRESSION))
+        pipe.zadd(self._index, {record.id: 0})
+        pipe.zadd(self._index_of(record.project), {record.id: 0})
+        pipe.sadd(self._active_of(record.project), record.id)
+        pipe.sadd(self._projects, record.project)
+        pipe.zadd(self._queued[record.priority], {record.id: record.created_at})
+        if record.webhook is not None:
+            self.hooks.add_to(pipe, record.id)
+        if record.deadline_at is not None:
+            pipe.zadd(self._deadlines, {record.id: record.deadline_at})
+        pipe.xadd(self._stream(record.id), _first_event(record))
+
+    def discard(self, record: JobRecord) -> None:
+        """Forget a job that could not be queued, without a trace: its id was never told to anybody."""
+        job_id, project = record.id, record.project
+        with self.redis.pipeline(transaction=True) as pipe:
+            pipe.delete(*self._keys(job_id), self._stream(job_id))
+            pipe.srem(self._active_of(project), job_id)
+            for register in (
+                self._index,
+                self._index_of(project),
+                *self._queued.values(),
+                self._running,
+                self._deadlines,
+            ):
+                pipe.zrem(register, job_id)
+            pipe.execute()
+
+    def exists(self, job_id: str) -> bool:
+        """Tell whether a job is remembered."""
+        return bool(self.redis.exists(self._keys(job_id)[0]))
+
+    def project(self, job_id: str) -> str:
+        """Return the project of a job, also of one that was erased or has outlived its retention."""
+        job, _, _, tombstone = self._keys(job_id)
+        with self.redis.pipeline(transaction=False) as pipe:
+            pipe.hget(job, "project")
+            pipe.get(tombstone)
+            project, buried = pipe.execute()
+        if project is None and buried is None:
+            raise JobNotFound(job_id)
+        return str((buried if project is None else project).decode())
+
+    def active(self, project: str, limit: int) -> int:
+        """Return how many jobs of a project wait or run; exact where these are at least ``limit``."""
+        register = self._active_of(project)
+        count = self.redis.scard(register)
+        if count < limit or (count > _COUNTED_AT_ONCE and not self.take_turn(f"active:{project}", 0.5)):
+            return count
+        members = [job_id.decode() for job_id in cast(set[bytes], self.redis.smembers(register))]
+        ended = [
+            job_id
+            for job_id, status in zip(members, self.statuses(members), strict=True)
+            if status is None or status.final
+        ]
+        return count - (self.redis.srem(register, *ended) if ended else 0)
+
+    def waiting(self) -> int:
+        """Return how many jobs wait."""
+        with self.redis.pipeline(transaction=False) as pipe:
+            for register in self._queued.values():
+                pipe.zcard(register)
+            return sum(pipe.execute())
+
+    def statuses(self, job_ids: Sequence[str]) -> list[JobStatus | None]:
+        """Return the status of each job, None for one that is not remembered."""
+        with self.redis.pipeline(transaction=False) as pipe:
+            for job_id in job_ids:
+                pipe.hget(self._keys(job_id)[0], "status")
+            answers = pipe.execute() if job_ids else []
+        return [None if answer is None else JobStatus(answer.decode()) for answer in answers]
+
+    def document(self, job_id: str) -> bytes:
+        """Return the JSON text of a job's document as it was submitted."""
+        packed = cast(bytes | None, self.redis.get(self._keys(job_id)[1]))
+        if packed is None:
+            self.get(job_id)
+            raise JobGone(job_id)
+        return zlib.decompress(packed)
+
+    def result(self, job_id: str) -> bytes | None:
+        """Return the JSON text of a job's result, None while or where there is none."""
+        packed = cast(bytes | None, self.redis.get(self._keys(job_id)[2]))
+        if packed is None:
+            self.get(job_id)
+            return None
+        return zlib.decompress(packed)
+
+    def results(self, job_ids: Sequence[str]) -> Iterator[bytes | None]:
+        """Iterate over the JSON texts of results, None for a job that has none or is not remembered."""
+        for job_id in job_ids:
+            packed = cast(bytes | None, self.redis.get(self._keys(job_id)[2]))
+            yield None if packed is None else zlib.decompress(packed)
+
+    def events(self, job_id: str, after: str = FIRST) -> list[JobEvent]:
+        """Return what happened to a job behind the event ``after``, oldest first; some 1,000 are kept."""
+        entries = cast(
+            list[tuple[bytes, dict[bytes, bytes]]], self.redis.xrange(self._stream(job_id), f"({after}")
+        )
+        return [
+            JobEvent(number.decode(), fields[b"event"].decode(), json.loads(fields[b"data"]))
+            for number, fields in entries
+        ]
+
+    def cancel(self, job_id: str) -> JobRecord:
+        """End a queued job, ask a running one to stop, leave an ended one as it is; return the record."""
+        self._run(self._cancel, job_id)
+        return self.get(job_id)
+
+    def answered(self, digest: str) -> str | None:
+        """Return the job that this version of the solvers answered last by ``digest``, None if there is none.
+
+        It may not be kept any more.
+        """
+        job_id = cast(bytes | None, self.redis.get(self._answer_to(digest)))
+        return None if job_id is None else job_id.decode()
+
+    def answer(self, job_id: str, earlier: str, result: bytes) -> bool:
+        """End a waiting job with the ``result`` (JSON) of an ``earlier`` one; False if it does not wait."""
+        return bool(self._run(self._answer, job_id, earlier, compress(result)))
+
+    def pin(self, job_id: str, *, pinned: bool) -> JobRecord:
+        """Keep a job until it is erased, or for its time from now on; return the record."""
+        self._run(self._pin, job_id, int(pinned))
+        return self.get(job_id)
+
+    def erase(self, job_id: str) -> None:
+        """Erase an ended job; raises JobActive for any other."""
+        answer = self._run(self._erase, job_id, keys=[self._index])
+        if answer is None:
+            self.get(job_id)
+        elif answer != b"erased":
+            raise JobActive(job_id)
+
+    def page(
+        self,
+        limit: int,
+        after: str | None = None,
+        wanted: Callable[[JobRecord], bool] = lambda record: True,
+        project: str | None = None,
+    ) -> tuple[list[JobRecord], str | None]:
+        """List jobs, newest first: at most ``limit`` of those ``wanted``, from behind the id ``after``.
+
+        All jobs, or those of one ``project``.
+
+        Returns the records and the id behind which to go on, None at the end. A page may hold fewer than
+        ``limit`` records and still not be the last: one call looks at a bounded number of jobs.
+        """
+        found: list[JobRecord] = []
+        index = self._index if project is None else self._index_of(project)
+        top = "+" if after is None else f"({after}"
+        for _ in range(_SCANS_PER_PAGE):
+            ids = cast(list[bytes], self.redis.zrevrangebylex(index, top, "-", start=0, num=_SCAN))
+            records = self._records(ids, index)
+            for record in filter(wanted, records):
+                if len(found) == limit:
+                    return found, found[-1].id
+                found.append(record)
+            if len(ids) < _SCAN:
+                return found, None
+            after = ids[-1].decode()
+            top = f"({after}"
+        return found, after
+
+    def counts(self) -> Counts:
+        """Return the numbers over all jobs."""
+        with self.redis.pipeline(transaction=True) as pipe:
+            pipe.hgetall(self._counts)
+            pipe.zcard(self._running)
+            for register in self._queued.values():
+                pipe.zcard(register)
+                pipe.zrange(register, 0, 0, withscores=True)
+            totals, running, *queued = pipe.execute()
+        now = time.time()
+        age = max((now - oldest[0][1] for oldest in queued[1::2] if oldest), default=0.0)
+        numbers = {name.decode(): float(number) for name, number in totals.items()}
+        return Counts(dict(zip(Priority, queued[::2], strict=True)), running, max(0.0, age), numbers)
+
+
+def _first_event(record: JobRecord) -> dict[Any, Any]:
+    data = {
+        "status": record.status,
+        "attempts": 0,
+        "cancel_requested": False,
+        "error": None,
+        "at": record.created_at,
+    }
+    return {"event": "status", "data": json.dumps(data)}
+
+
+def compress(result: bytes) -> bytes:
+    """Compress the JSON text of a result as the store keeps it (zlib, RFC 1950)."""
+    return zlib.compress(result, _COMPRESSION)
