@@ -60,6 +60,8 @@ class PerturbedStart:
 
 def several_starts(problem: OptimalControlProblem, scaling: Scaling, count: int) -> list[Start]:
     """The guess of the problem and ``count`` - 1 starts beside it."""
+    if count == 1:
+        return [problem.guess]
     n, m = len(problem.states), len(problem.controls)
     # A Halton sequence without scrambling begins at a corner of the cube: leave that point out.
     points = qmc.Halton(1 + _SHAPES * n + _CONTROL_KNOTS * m, scramble=False).random(count)[1:]
