@@ -72,6 +72,7 @@ def solve_job(
     if owner is None:
         logger.info("job %s: nothing to solve", job_id)
         return
+    logger.info("job %s: running", job_id)
     with StoreProgress(store, job_id, owner) as progress:
         end = _solve(job_id, store, limits, progress, neighbours)
     words = (end.status, end.error, end.result, end.digest)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import signal
 import socket
 import subprocess
@@ -24,7 +25,16 @@ SERVICES: dict[str, Any] = yaml.safe_load((Path(__file__).parents[2] / "docker-c
     "services"
 ]
 PASSWORD = "0f1e2d3c4b5a"
+VARIABLE = re.compile(r"\$\{(\w+):([-?])([^}]*)\}")
 KEY = "0123456789abcdef" * 4
+
+
+def substituted(variable: re.Match[str]) -> str:
+    """What Compose puts in place of a variable: its value, or the default after :-."""
+    name, kind, text = variable.groups()
+    known = {"ONDELETTE_REDIS_PASSWORD": PASSWORD}
+    assert name in known or kind == "-", f"nobody gives {name}"
+    return known.get(name, text)
 
 
 def free_port() -> int:
@@ -47,10 +57,7 @@ def process(command: list[str], **options: Any) -> Iterator[subprocess.Popen[byt
 def compose(tmp_path: Path) -> Iterator[tuple[str, list[subprocess.Popen[bytes]]]]:
     """The address of the API, and the processes of API and workers."""
     port, broker_port = free_port(), free_port()
-    words = [
-        word.replace("${ONDELETTE_REDIS_PASSWORD:?", PASSWORD + "\0").partition("\0")[0]
-        for word in SERVICES["redis"]["command"]
-    ]
+    words = [VARIABLE.sub(substituted, word) for word in SERVICES["redis"]["command"]]
     broker = [str(find_server().path), *words[1:], "--port", str(broker_port), "--bind", "127.0.0.1"]
     secret = tmp_path / "ondelette_key"
     secret.write_text(f"{KEY}\n")

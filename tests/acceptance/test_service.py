@@ -241,7 +241,8 @@ def test_an_erased_job_is_gone(service: httpx.Client) -> None:
     job = solved(service, RIGID_BODY)
     assert service.delete(job["links"]["self"]).status_code == 204
     for name, address in job["links"].items():
-        problem(service.request("POST" if name == "cancel" else "GET", address), 410, "gone")
+        method = "POST" if name in ("cancel", "pin") else "GET"
+        problem(service.request(method, address), 410, "gone")
     problem(service.delete(job["links"]["self"]), 410, "gone")
 
 
