@@ -6,7 +6,8 @@ to Sensitivity and Stability Analysis in Nonlinear Programming, 1983, theorem 3.
 
     dJ*/dy = d/dy [J(w; y) + lambda' (c(w; y) - b(y))].
 
-The Lagrangian is evaluated with the number a little larger and a little smaller; nothing is solved again.
+The Lagrangian is evaluated with the number a little larger, and for a parameter of the model a little smaller
+too; nothing is solved again.
 """
 
 from __future__ import annotations
