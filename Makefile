@@ -65,8 +65,9 @@ check: $(VENV)/.installed-dev
 	$(BIN)/mypy
 	$(BIN)/lint-imports --no-logo --no-cache
 
+# Files side by side, in their order: those that start services, and wait for them, come first.
 test: check
-	$(BIN)/pytest
+	$(BIN)/pytest --numprocesses 2 --dist loadfile --no-loadscope-reorder
 
 soak: $(VENV)/.installed-dev
 	$(BIN)/python -m tests.faults.soak

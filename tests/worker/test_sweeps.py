@@ -121,7 +121,7 @@ def test_all_jobs_are_cancelled(store: JobStore, sweeps: SweepStore, sweep: Swee
     assert store.get(first.job_id).cancel_requested
 
 
-@pytest.mark.parametrize("unknown", ["", "x", new_job_id()])
+@pytest.mark.parametrize("unknown", ["", "x", "01a22022-d193-7d62-9f31-f11c2ab70755"])
 def test_an_unknown_sweep(sweeps: SweepStore, unknown: str) -> None:
     for ask in (sweeps.get, sweeps.table, sweeps.cancel):
         with pytest.raises(JobNotFound):
