@@ -3,8 +3,9 @@
     with Client("http://127.0.0.1:8000") as client:
         result = client.solve(document)
 
-What can be asked, with its arguments, stands once in `app.client_calls` and `app.client_sweeps`; the two
-classes list it and differ only in how they carry it out.
+A document is a dictionary or a `Problem`; `solvers.builders` makes models for it from what people hold. What
+can be asked, with its arguments, stands once in `app.client_calls` and `app.client_sweeps`; the two classes
+list it and differ only in how they carry it out.
 """
 
 from __future__ import annotations
@@ -31,10 +32,13 @@ from app.client_answers import (
     SweepTimeout,
     WaitTimeout,
 )
-from app.client_calls import Call, Outcome, Steps
+from app.client_calls import Call, Lost, Outcome, Steps
 from app.client_events import SILENCE, Event, Following
+from app.client_result import MissingExtraError, NotFiniteError, Result, Samples
+from solvers.builders import MINIMUM_TIME, Problem
 
 __all__ = [
+    "MINIMUM_TIME",
     "AsyncClient",
     "Client",
     "ClientError",
@@ -43,7 +47,12 @@ __all__ = [
     "JobFailed",
     "JobFilters",
     "JobProgress",
+    "MissingExtraError",
+    "NotFiniteError",
+    "Problem",
     "RequestRefused",
+    "Result",
+    "Samples",
     "ServerUnreachable",
     "SweepTimeout",
     "WaitTimeout",
@@ -87,11 +96,13 @@ class Client:
 
     ``key`` is the API key, where the service asks for one. Every method raises `RequestRefused` with the
     service's problem document, and `ServerUnreachable`. A refusal with status 429 or 503 is waited out as its
-    Retry-After says, five times at most.
+    Retry-After says, five times at most; a service that has answered before and cannot be reached gets a
+    quarter of a minute to start again. What is submitted carries an Idempotency-Key: nothing is done twice.
     """
 
     def __init__(self, url: str = "http://127.0.0.1:8000", *, key: str | None = None) -> None:
         self._http = httpx.Client(**_settings(url, key))
+        self._known = False  # whether the service has answered
 
     def __enter__(self) -> Self:
         return self
@@ -107,9 +118,11 @@ class Client:
 
     def _send(self, call: Call[Any]) -> Outcome:
         try:
-            return self._http.send(call.request(self._http))
+            response = self._http.send(call.request(self._http))
         except httpx.TransportError as error:
-            return error
+            return Lost(error, self._known)
+        self._known = True
+        return response
 
     def _carry_out(self, wanted: Call[T] | Steps[T]) -> T:
         steps = calls.ask(wanted) if isinstance(wanted, Call) else wanted
@@ -186,6 +199,7 @@ class AsyncClient:
 
     def __init__(self, url: str = "http://127.0.0.1:8000", *, key: str | None = None) -> None:
         self._http = httpx.AsyncClient(**_settings(url, key))
+        self._known = False
 
     async def __aenter__(self) -> Self:
         return self
@@ -201,9 +215,11 @@ class AsyncClient:
 
     async def _send(self, call: Call[Any]) -> Outcome:
         try:
-            return await self._http.send(call.request(self._http))
+            response = await self._http.send(call.request(self._http))
         except httpx.TransportError as error:
-            return error
+            return Lost(error, self._known)
+        self._known = True
+        return response
 
     async def _carry_out(self, wanted: Call[T] | Steps[T]) -> T:
         steps = calls.ask(wanted) if isinstance(wanted, Call) else wanted

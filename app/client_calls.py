@@ -17,9 +17,13 @@ from urllib.parse import quote
 import httpx
 
 from app.client_answers import Job, JobFailed, JobFilters, RequestRefused, ServerUnreachable, WaitTimeout
+from app.client_result import Result
+from solvers.builders import Problem
 
 T = TypeVar("T")
-Document = Mapping[str, Any]
+
+
+Document = Mapping[str, Any] | Problem
 FINAL = frozenset({"succeeded", "failed", "cancelled"})
 
 # Seconds of one long poll, and what the network may take besides.
@@ -66,7 +70,15 @@ class Call(Generic[T]):
         raise RequestRefused(response.status_code, problem if isinstance(problem, dict) else {})
 
 
-Outcome = httpx.Response | httpx.TransportError | None
+@dataclass(frozen=True, slots=True)
+class Lost:
+    """A connection that failed or broke; ``known``: the service has answered this client before."""
+
+    error: httpx.TransportError
+    known: bool
+
+
+Outcome = httpx.Response | Lost | None
 Steps = Generator[Call[Any] | float, Outcome, T]
 
 
@@ -82,17 +94,22 @@ class Page:
 class Patience:
     """How one request bears refusals for the moment and lost connections: both have their end.
 
-    Every request may be repeated: submitting carries a key by which the service knows it again.
+    Every request may be repeated: submitting carries a key by which the service knows it again. A service
+    that has answered before is given time to start again; at any other address nobody is waited for.
     """
 
     refusals: int = 0
     losses: int = 0
 
-    def repeat_after(self, error: httpx.TransportError) -> bool:
-        """Whether to ask again at once: a connection that was kept open may have died since, once."""
+    def pause_after_loss(self, lost: Lost) -> float | None:
+        """Seconds after which to ask again, ``None`` to give up."""
         self.losses += 1
-        lost = isinstance(error, httpx.ReadError | httpx.WriteError | httpx.RemoteProtocolError)
-        return lost and self.losses == 1
+        broken = isinstance(lost.error, httpx.ReadError | httpx.WriteError | httpx.RemoteProtocolError)
+        if self.losses == 1 and broken:
+            return 0.0  # a connection that was kept open may have died since
+        if lost.known and self.losses <= RETRIES and (broken or isinstance(lost.error, httpx.ConnectError)):
+            return _growing(self.losses - 1)
+        return None
 
     def pause_after(self, response: httpx.Response) -> float | None:
         """Seconds after which to ask again, ``None`` when the answer is to be taken as it is."""
@@ -101,9 +118,14 @@ class Patience:
         try:
             asked = float(response.headers["Retry-After"])
         except (KeyError, ValueError):  # none, or a date
-            asked = 0.5 * 2**self.refusals
+            asked = _growing(self.refusals)
         self.refusals += 1
         return asked if asked <= LONGEST_PAUSE else None
+
+
+def _growing(earlier: int) -> float:
+    """The pause after so many earlier ones, seconds."""
+    return 0.5 * 2.0**earlier
 
 
 def ask(call: Call[T]) -> Steps[T]:
@@ -116,20 +138,32 @@ def ask(call: Call[T]) -> Steps[T]:
             if pause is None:
                 return call.finish(outcome)
             yield pause
-        elif isinstance(outcome, httpx.TransportError) and not patience.repeat_after(outcome):
-            reason = str(outcome) or type(outcome).__name__
-            raise ServerUnreachable(f"no answer from {outcome.request.url.join('/')}: {reason}") from outcome
+        elif isinstance(outcome, Lost):
+            pause = patience.pause_after_loss(outcome)
+            if pause is None:
+                raise _unreachable(outcome.error) from outcome.error
+            yield pause
+
+
+def _unreachable(error: httpx.TransportError) -> ServerUnreachable:
+    reason = str(error) or type(error).__name__
+    return ServerUnreachable(f"no answer from {error.request.url.join('/')}: {reason}")
+
+
+def plain(document: Document) -> Mapping[str, Any]:
+    """The document as JSON types."""
+    return document.to_dict() if isinstance(document, Problem) else document
 
 
 def submit(document: Document, *, idempotency_key: str | None = None) -> Call[Job]:
     """Queue a job document and return the job."""
     key = idempotency_key or uuid.uuid4().hex
-    return Call("POST", "/v1/jobs", read_json, json=document, headers={"Idempotency-Key": key})
+    return Call("POST", "/v1/jobs", read_json, json=plain(document), headers={"Idempotency-Key": key})
 
 
 def validate(document: Document) -> Call[dict[str, Any]]:
     """Check a document without queueing it; returns sizes and a time estimate."""
-    return Call("POST", "/v1/validate", read_json, json=document)
+    return Call("POST", "/v1/validate", read_json, json=plain(document))
 
 
 def job(job_id: str) -> Call[Job]:
@@ -171,7 +205,7 @@ def solve(
     timeout: float | None = None,
     on_progress: Callable[[Job], object] | None = None,
     every: float = 1.0,
-) -> Steps[dict[str, Any]]:
+) -> Steps[Result]:
     """Submit a job document, wait, and return its result: look at its ``success``.
 
     The other arguments are those of ``wait``. Raises `JobFailed` when the job ended without an iterate.
@@ -186,9 +220,10 @@ def solve(
         raise
 
 
-def result(job_id: str) -> Call[dict[str, Any]]:
+def result(job_id: str) -> Call[Result]:
     """Read the result of a final job."""
-    return Call("GET", _of(job_id, "/result"), read_json, headers={"Accept": "application/json"})
+    headers = {"Accept": "application/json"}
+    return Call("GET", _of(job_id, "/result"), lambda response: Result(response.json()), headers=headers)
 
 
 def export(job_id: str, kind: Literal["csv", "npz", "mat"]) -> Call[bytes]:

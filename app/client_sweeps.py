@@ -9,7 +9,7 @@ from typing import Any, Literal
 from urllib.parse import quote
 
 from app.client_answers import SweepTimeout
-from app.client_calls import FINAL, LONG_POLL, Call, Document, Steps, ask, read_bytes, read_json
+from app.client_calls import FINAL, LONG_POLL, Call, Document, Steps, ask, plain, read_bytes, read_json
 
 Sweep = dict[str, Any]
 Grid = Mapping[str, Any]
@@ -24,7 +24,7 @@ def submit_sweep(
     ``scale``. ``zip`` takes them side by side instead of their product.
     """
     key = idempotency_key or uuid.uuid4().hex
-    body = {"document": document, "grid": grid, "zip": zip}
+    body = {"document": plain(document), "grid": grid, "zip": zip}
     # Thousands of documents are checked before the answer comes.
     return Call("POST", "/v1/sweeps", read_json, json=body, headers={"Idempotency-Key": key}, seconds=120)
 

@@ -47,8 +47,7 @@ def draw(result: Mapping[str, Any], title: str = "") -> Figure:
     ]
     figure = Figure(figsize=(8.0, 0.9 + _ROW_HEIGHT * len(rows)), layout="constrained")
     axes = figure.subplots(len(rows), 1, sharex=True, squeeze=False)[:, 0]
-    units = {item["name"]: item["units"] for item in result.get("outputs", []) if item["units"]}
-    units |= result["resolved"]["document"]["problem"].get("units", {})
+    units = units_of(result)
     margins = {item["pointer"]: item for item in result["constraints"]}
     switches = sorted({time for found in result["switching"].values() for time in found["times"]})
     for axis, (name, values, colour) in zip(axes, rows, strict=True):
@@ -61,6 +60,15 @@ def draw(result: Mapping[str, Any], title: str = "") -> Figure:
     axes[-1].set_xlabel(_label(f"t [{units['t']}]" if "t" in units else "t"), parse_math=False)
     figure.suptitle(_label(_headline(result, title)), parse_math=False, fontsize=11)
     return figure
+
+
+def units_of(result: Mapping[str, Any]) -> dict[str, str]:
+    """Name -> unit, as far as the document of a result tells them."""
+    units: dict[str, str] = {
+        item["name"]: item["units"] for item in result.get("outputs", []) if item["units"]
+    }
+    units.update(result["resolved"]["document"]["problem"].get("units", {}))
+    return units
 
 
 def _mark(axis: Axes, switches: list[float], bounds: list[float]) -> None:

@@ -16,6 +16,8 @@ Vector = NDArray[np.float64]
 
 # From a normalised time to its time and back.
 _ROUNDING = 1e-12
+# Times that somebody has printed and read again.
+_MARGIN = 1e-9
 
 
 @dataclass(frozen=True)
@@ -54,6 +56,11 @@ class Trajectory:
     def tau(self, times: Vector) -> Vector:
         """Normalised times of times, clipped to [0, 1]."""
         return np.clip((times - self.t0) / self.duration, 0.0, 1.0)
+
+    def covers(self, times: Vector) -> bool:
+        """Whether all times lie within [t0, tf], but for rounding."""
+        margin = _MARGIN * self.duration
+        return bool(np.all((times >= self.t0 - margin) & (times <= self.tf + margin)))
 
     def states_at(self, tau: Vector) -> Vector:
         """States, (n, K)."""

@@ -85,7 +85,7 @@ def trajectory(
         curves = Trajectory.from_result(stored)
     except TypeError as error:
         raise _not_finite() from error
-    times = _times(curves.t0, curves.tf, samples, t, dt)
+    times = _times(curves, samples, t, dt)
     sampled = sample(problem_of(stored), curves, times, derivatives=derivatives)
     try:
         text = json.dumps({"job_id": job_id, **sampled}, allow_nan=False, separators=(",", ":"))
@@ -153,12 +153,13 @@ def _not_finite() -> ServiceError:
 
 
 def _times(
-    t0: float, tf: float, samples: int | None, times: str | None, step: float | None
+    curves: Trajectory, samples: int | None, times: str | None, step: float | None
 ) -> NDArray[np.float64]:
     if sum(choice is not None for choice in (samples, times, step)) > 1:
         raise wrong_parameter("samples", "give only one of samples, t and dt")
     if times is not None:
-        return _listed(times, t0, tf)
+        return _listed(times, curves)
+    t0, tf = curves.t0, curves.tf
     if step is not None:
         # A last step that ends at tf but for rounding counts.
         count = (tf - t0) / step * (1 + 1e-12) + 1
@@ -169,7 +170,7 @@ def _times(
     return np.linspace(t0, tf, samples or DEFAULT_SAMPLES)
 
 
-def _listed(times: str, t0: float, tf: float) -> NDArray[np.float64]:
+def _listed(times: str, curves: Trajectory) -> NDArray[np.float64]:
     words = times.split(",")
     if len(words) > MAX_SAMPLES:
         raise wrong_parameter("t", f"has more than {MAX_SAMPLES:,} times, the limit")
@@ -177,7 +178,6 @@ def _listed(times: str, t0: float, tf: float) -> NDArray[np.float64]:
         listed = np.array([float(word) for word in words])
     except ValueError:
         raise wrong_parameter("t", "must be numbers, separated by commas") from None
-    margin = 1e-9 * (tf - t0)
-    if not bool(np.all((listed >= t0 - margin) & (listed <= tf + margin))):
-        raise wrong_parameter("t", f"has times outside the trajectory, [{t0!r}, {tf!r}]")
+    if not curves.covers(listed):
+        raise wrong_parameter("t", f"has times outside the trajectory, [{curves.t0!r}, {curves.tf!r}]")
     return listed

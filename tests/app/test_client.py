@@ -16,16 +16,19 @@ import numpy as np
 import pytest
 
 from app.client import (
+    MINIMUM_TIME,
     AsyncClient,
     Client,
     Event,
     Job,
     JobFailed,
+    Problem,
     RequestRefused,
     ServerUnreachable,
     WaitTimeout,
 )
 from app.embedded.service import EmbeddedService, ServiceOptions
+from solvers.builders import library
 from tests.bad_documents import FLEXIBLE_SPACECRAFT, changed
 
 Answer = tuple[int, dict[str, str], bytes]
@@ -96,7 +99,26 @@ def test_solve_in_three_lines(client: Client) -> None:
     result = client.solve(FLEXIBLE_SPACECRAFT, on_progress=seen.append, every=0.05)
     assert result["success"] is True
     assert result["objective"] == pytest.approx(25.8661, abs=1e-3)
+    assert result.at(result["final_time"]).states["theta"] == pytest.approx(np.pi / 6, abs=1e-6)
     assert seen[-1]["status"] == "succeeded"
+
+
+def test_a_problem_is_solved_as_its_document(client: Client) -> None:
+    problem = Problem(
+        library("rigid_body"),
+        final_time=(0.1, 10),
+        initial_state=[0, 0],
+        final_state=[1, 0],
+        bounds={"u": (-1, 1)},
+        objective=MINIMUM_TIME,
+        method="swcm",
+    )
+    assert client.validate(problem)["nodes"] == 131
+    result = client.solve(problem)
+    assert client.spec(result["job_id"]) == problem.to_dict()
+    assert result.objective == pytest.approx(2.0, abs=1e-3)  # closed form: 2 sqrt(m x_f / u)
+    table = client.sweep(problem, {"/problem/final_state/x": [1, 4]})["table"]
+    assert [row["objective"] for row in table] == pytest.approx([2.0, 4.0], abs=1e-3)
 
 
 def test_a_job_step_by_step(client: Client) -> None:
@@ -262,6 +284,18 @@ def test_a_connection_that_dies_is_tried_once_more() -> None:
     with answering(None, None) as (url, asked), Client(url) as client, pytest.raises(ServerUnreachable):
         client.job("1")
     assert len(asked) == 2
+
+
+def test_a_service_that_starts_again_is_waited_for(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("app.client_calls._growing", lambda earlier: 0.01)
+    running = (200, {}, json.dumps({**JOB, "status": "running"}).encode())
+    with answering(running, None, None, None, OK) as (url, asked), Client(url) as client:
+        assert client.wait("1") == JOB
+        assert len(asked) == 5
+    with Client(url) as client:  # nobody is there any more
+        client._known = True
+        with pytest.raises(ServerUnreachable):
+            client.job("1")
 
 
 def test_the_asynchronous_client_is_as_patient() -> None:

@@ -1,0 +1,48 @@
+"""The examples of docs/client.md, run in order as they are printed, print what stands under them."""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import re
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from app.embedded.service import EmbeddedService, ServiceOptions
+
+PAGE = (Path(__file__).parents[2] / "docs" / "client.md").read_text()
+BLOCKS = re.findall(r"^```(\w+)\n(.*?)^```$", PAGE, re.MULTILINE | re.DOTALL)
+NUMBER = re.compile(r"-?\d+\.\d*(?:e[-+]?\d+)?")
+
+
+@pytest.fixture(scope="module")
+def url(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
+    options = ServiceOptions(tmp_path_factory.mktemp("service"), port=0, workers=1)
+    with EmbeddedService(options, print) as service:
+        yield service.url
+
+
+def test_the_examples_print_what_is_printed(
+    url: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    names: dict[str, Any] = {}
+    said = ""
+    try:
+        for kind, text in BLOCKS:
+            if kind == "python":
+                with contextlib.redirect_stdout(io.StringIO()) as out:
+                    exec(compile(text.replace("http://127.0.0.1:8000", url), "client.md", "exec"), names)
+                said = out.getvalue()
+            elif kind == "text":
+                assert NUMBER.sub("#", said) == NUMBER.sub("#", text)
+                for found, printed in zip(NUMBER.findall(said), NUMBER.findall(text), strict=True):
+                    # To the digits that are printed.
+                    decimals = len(printed.partition(".")[2])
+                    assert float(found) == pytest.approx(float(printed), abs=10.0**-decimals), text
+    finally:
+        names["client"].close()
+    assert (tmp_path / "slew.pdf").stat().st_size > 1000
