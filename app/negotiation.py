@@ -32,7 +32,7 @@ async def json_body(request: Request) -> bytes:
     return await request.body()
 
 
-def idempotency_key(request: Request) -> str | None:
+async def idempotency_key(request: Request) -> str | None:
     """Return the Idempotency-Key of a request, with the API key for which alone it counts.
 
     Raises 422 for one that is empty or too long.

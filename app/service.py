@@ -19,7 +19,7 @@ from app.watch import StatusWatch
 from app.webhooks import Webhooks, read_secrets
 from solvers.errors import DocumentError, Fault
 from solvers.sizes import ProblemSize, problem_size
-from solvers.spec import JobSpec, answer_digest, check_document, parse_document
+from solvers.spec import JobSpec, answer_digest, check_text
 from worker.claims import Claims
 from worker.errors import JobGone, JobNotFound, QueueUnavailable
 from worker.keys import KeyStore, digest
@@ -31,6 +31,29 @@ from worker.store import JobStore, connect
 from worker.sweeps import SweepStore
 
 _LONGEST_RETRY = 300
+_RECENT = 0.5  # seconds for which the length of the line is taken to be what it was
+
+
+@dataclass(slots=True)
+class Line:
+    """How many jobs wait for each that can be solved at a time, asked for at most twice a second."""
+
+    queue: JobQueue
+    _depth: int = 0
+    _slots: int = 1
+    _until: float = -math.inf
+
+    def joined(self) -> None:
+        """Note that one more job waits."""
+        self._depth += 1
+
+    def length(self) -> float:
+        """Return it as it was just now."""
+        now = time.monotonic()
+        if now >= self._until:
+            self._depth, self._slots = self.queue.depth(), sum(self.queue.workers().values()) or 1
+            self._until = now + _RECENT
+        return self._depth / self._slots
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,6 +64,7 @@ class Service:
     store: JobStore
     sweeps: SweepStore
     queue: JobQueue
+    line: Line
     claims: Claims
     doorkeeper: Doorkeeper
     webhooks: Webhooks
@@ -64,6 +88,7 @@ class Service:
             store,
             sweeps,
             queue,
+            Line(queue),
             Claims(redis, settings),
             Doorkeeper(settings, keys, rates, store, sweeps, bootstrap),
             Webhooks(
@@ -130,12 +155,13 @@ class Service:
     def admit(self, project: str, count: int) -> None:
         """Refuse ``count`` more jobs where a project has its share of active ones or the queue is full."""
         room = self.settings.project_jobs - count
-        if (active := self.store.active(project, room + 1)) > room:
+        active, waiting = self.store.burden(project, room + 1)
+        if active > room:
             detail = (
                 f"{active:,} jobs of this project are active; at most {self.settings.project_jobs:,} may be."
             )
             raise ServiceError("quota-exceeded", detail, headers={"Retry-After": "10"})
-        if (waiting := self.store.waiting()) + count > self.settings.queued_jobs:
+        if waiting + count > self.settings.queued_jobs:
             detail = f"{waiting:,} jobs wait; the queue takes {self.settings.queued_jobs:,}."
             raise ServiceError("queue-full", detail, headers={"Retry-After": "30"})
 
@@ -169,6 +195,7 @@ class Service:
             return
         try:
             self.queue.enqueue(record)
+            self.line.joined()
         except QueueUnavailable:
             self.store.discard(record)
             raise
@@ -195,9 +222,8 @@ class Service:
         """Return after how many seconds it is worth asking for an active job again."""
         seconds = record.estimate
         if record.status is JobStatus.QUEUED:
-            slots = sum(self.queue.workers().values()) or 1
             # Those ahead are unknown to us; they are taken to be like this one.
-            seconds *= 1 + self.queue.depth() / slots
+            seconds *= 1 + self.line.length()
         elif record.started_at is not None:
             seconds -= time.time() - record.started_at
         return max(1, min(_LONGEST_RETRY, math.ceil(seconds)))
@@ -247,11 +273,12 @@ def new_record(
 
 def check(body: bytes) -> tuple[JobSpec, ProblemSize]:
     """Return the checked form of a document and its size; raises DocumentError with every fault."""
-    spec = check_document(parse_document(body))
+    spec = check_text(body)
     return spec, problem_size(spec)
 
 
-def _service(request: Request) -> Service:
+# Not a plain function: that would be called in another thread.
+async def _service(request: Request) -> Service:
     return cast(Service, request.app.state.service)
 
 

@@ -10,7 +10,7 @@ from typing import Any
 from solvers.bundle import Bundle, BundleError
 from solvers.piecewise.again import verify_again
 from solvers.scenarios import formulate
-from solvers.spec import JobSpec, PiecewiseMethod, check_document, parse_document
+from solvers.spec import JobSpec, PiecewiseMethod, check_text
 from solvers.trajectory import Trajectory
 from solvers.verify import Tolerances, Verification, verify
 
@@ -59,7 +59,7 @@ def replay(bundle: Bundle) -> Replay:
     """
     if bundle.result is None:
         raise BundleError("the job has no result, so there is nothing to verify")
-    spec = check_document(parse_document(bundle.document))
+    spec = check_text(bundle.document)
     try:
         trajectory = Trajectory.from_result(bundle.result)
         stored = bundle.result["verification"]

@@ -20,6 +20,8 @@ from worker.records import JobRecord, Priority, is_job_id
 from worker.settings import QueueSettings
 
 _MEMORY = 30 * 86_400
+# Read once: it takes as long as three exchanges with the server.
+_VERSION = version("ondelette")
 
 
 class Keyspace:
@@ -62,7 +64,7 @@ class Keyspace:
             pipe.exists(tombstone)
             fields, known = pipe.execute()
         if fields:
-            return _record(fields)
+            return record_of(fields)
         raise JobGone(job_id) if known else JobNotFound(job_id)
 
     def take_turn(self, task: str, seconds: float) -> bool:
@@ -83,7 +85,7 @@ class Keyspace:
         return [job, f"{job}:document", f"{job}:result", f"{self._prefix}gone:{job_id}"]
 
     def _answer_to(self, digest: str) -> str:
-        return f"{self._prefix}answer:{version('ondelette')}:{digest}"
+        return f"{self._prefix}answer:{_VERSION}:{digest}"
 
     def _stream(self, job_id: str) -> str:
         return f"{self._keys(job_id)[0]}:events"
@@ -119,8 +121,9 @@ class Keyspace:
         expired = [job_id for job_id, fields in zip(ids, hashes, strict=True) if not fields]
         if expired:
             self.redis.zrem(index, *expired)
-        return [_record(fields) for fields in hashes if fields]
+        return [record_of(fields) for fields in hashes if fields]
 
 
-def _record(fields: dict[bytes, bytes]) -> JobRecord:
+def record_of(fields: dict[bytes, bytes]) -> JobRecord:
+    """Read the hash that a record is kept as."""
     return JobRecord.from_hash({key.decode(): value.decode() for key, value in fields.items()})

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import re
 import secrets
 import time
@@ -149,6 +150,11 @@ class JobRecord:
     pinned: bool = False
     reused_from: str | None = None
     version: int = field(default=1)
+
+    def seconds_left(self, now: float) -> float:
+        """Return how long a solve may take that starts ``now``: until its limit or its deadline."""
+        until_deadline = math.inf if self.deadline_at is None else self.deadline_at - now
+        return max(0.0, min(self.max_seconds, until_deadline))
 
     def to_hash(self) -> dict[str, str]:
         """Return the record of a new job as fields of a Redis hash (what is absent is left out)."""

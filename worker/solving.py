@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 import json
-import math
 import secrets
-import time
+import zlib
 from collections.abc import Sequence
 from dataclasses import asdict
 from enum import StrEnum
 from typing import Any, cast
 
 from solvers.progress import ProgressReport
-from worker.keyspace import Keyspace
-from worker.records import JobError, JobStatus
+from worker.errors import JobGone
+from worker.keyspace import Keyspace, record_of
+from worker.records import JobError, JobRecord, JobStatus
 from worker.verdicts import GIVEN_UP, LATE, MAX_LOSSES
 
 
@@ -52,11 +52,16 @@ class Solving(Keyspace):
         answer = self._run(self._start, job_id, owner, MAX_LOSSES, lost, int(redelivered), late)
         return owner if answer == b"started" else None
 
-    def seconds_left(self, job_id: str) -> float:
-        """Return how long a solve of a job may take that starts now: until its limit or its deadline."""
-        record = self.get(job_id)
-        until_deadline = math.inf if record.deadline_at is None else record.deadline_at - time.time()
-        return max(0.0, min(record.max_seconds, until_deadline))
+    def assignment(self, job_id: str) -> tuple[JobRecord, bytes]:
+        """Return what there is to solve: the record of a job and the JSON text of its document."""
+        job, body, *_ = self._keys(job_id)
+        with self.redis.pipeline(transaction=False) as pipe:
+            pipe.hgetall(job)
+            pipe.get(body)
+            fields, packed = pipe.execute()
+        if not fields or packed is None:
+            raise JobGone(job_id)
+        return record_of(fields), zlib.decompress(packed)
 
     def report(self, job_id: str, owner: str, report: ProgressReport | None) -> Signal:
         """Write the progress of a running job (None: nothing new) and hear whether to go on.

@@ -91,12 +91,14 @@ class Submitting(Keyspace):
         ]
         return count - (self.redis.srem(register, *ended) if ended else 0)
 
-    def waiting(self) -> int:
-        """Return how many jobs wait."""
+    def burden(self, project: str, limit: int) -> tuple[int, int]:
+        """Return how many jobs of a project wait or run (see `active`), and how many of all projects wait."""
         with self.redis.pipeline(transaction=False) as pipe:
+            pipe.scard(self._active_of(project))
             for register in self._queued.values():
                 pipe.zcard(register)
-            return sum(pipe.execute())
+            count, *waiting = pipe.execute()
+        return (count if count < limit else self.active(project, limit)), sum(waiting)
 
     def statuses(self, job_ids: Sequence[str]) -> list[JobStatus | None]:
         """Return the status of each job, None for one that is not remembered."""

@@ -8,6 +8,7 @@ from __future__ import annotations
 import json
 import logging
 import os
+import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, cast
@@ -19,7 +20,7 @@ from opentelemetry.trace import SpanKind
 from redis.exceptions import RedisError
 
 from solvers.solve import solve
-from solvers.spec import JobSpec, check_document, parse_document
+from solvers.spec import JobSpec, check_text
 from solvers.status import SolveStatus
 from solvers.trajectory import Trajectory
 from worker import outcome, traces
@@ -89,12 +90,13 @@ def _solve(
     job_id: str, store: JobStore, limits: Limits, progress: StoreProgress, neighbours: Neighbours | None
 ) -> outcome.Outcome:
     def read() -> tuple[JobSpec, SweepPlace | None, Trajectory | None, float]:
-        spec, at = check_document(parse_document(store.document(job_id))), store.get(job_id).sweep
+        record, document = store.assignment(job_id)
+        spec, at = check_text(document), record.sweep
         if spec.warm_start is None and at is not None and neighbours is not None:
             earlier = neighbours.nearest(at)
         else:
             earlier = earlier_answer(store, spec.warm_start)
-        return spec, at, earlier, store.seconds_left(job_id)
+        return spec, at, earlier, record.seconds_left(time.time())
 
     try:
         spec, at, earlier, seconds = patiently(read, limits.outage, job_id)

@@ -32,14 +32,18 @@ Key = Annotated[str | None, Depends(idempotency_key)]
 )
 async def submit(request: Request, service: Shared, body: Body, key: Key) -> Response:
     """Queue a job document. ``Prefer: wait=N`` delays the answer until the job is final, at most 60 s."""
-    record = await run_in_threadpool(service.submit, body, key, principal_of(request))
     wait = preferred_wait(request)
+
+    def submitted() -> tuple[str, Response]:
+        record = service.submit(body, key, principal_of(request))
+        return record.id, _answer(service, record, 202)
+
+    # One change of thread for all that asks the broker.
+    job_id, response = await run_in_threadpool(submitted)
     if wait is not None:
-        record = await service.watch.final(record.id, wait)
-    response = await _answered(service, record, 202)
-    response.headers["Location"] = response.headers["Content-Location"] = f"/v1/jobs/{record.id}"
-    if wait is not None:
+        response = await _answered(service, await service.watch.final(job_id, wait), 202)
         response.headers["Preference-Applied"] = f"wait={wait:g}"
+    response.headers["Location"] = response.headers["Content-Location"] = f"/v1/jobs/{job_id}"
     return response
 
 

@@ -121,7 +121,7 @@ class SplineWaveletBasis:
     def to_spline(self, coefficients: ArrayLike) -> Array:
         """B-spline coefficients, (N,) or (N, m), of the functions with these wavelet coefficients. O(N)."""
         scaling, *details = self.levels(coefficients)
-        coarse: Array = _scaling_functions(self.L) @ scaling
+        coarse: Array = (scaling.T * _scaling_functions(self.L)).T
         for prolongation, wavelets, detail in zip(self._prolongations, self._wavelets, details, strict=True):
             coarse = prolongation @ coarse + wavelets @ detail
         return coarse
@@ -141,13 +141,13 @@ class SplineWaveletBasis:
             position, weight = _middles(self.L * 2**level)
             details.append((rest[position].T / weight).T)
             fine = coarse
-        scaling = (fine.T / _scaling_functions(self.L).diagonal()).T
+        scaling = (fine.T / _scaling_functions(self.L)).T
         return np.concatenate([scaling, *reversed(details)])
 
     @cached_property
     def synthesis(self) -> sparse.csr_array:
         """Matrix (N, N) of :meth:`to_spline`, with O(J N) entries: column i is function i in B-splines."""
-        columns = _scaling_functions(self.L)
+        columns = sparse.csr_array(sparse.diags_array(_scaling_functions(self.L)))
         for prolongation, wavelets in zip(self._prolongations, self._wavelets, strict=True):
             columns = sparse.csr_array(sparse.hstack([prolongation @ columns, wavelets], format="csr"))
         return columns
@@ -179,11 +179,11 @@ class SplineWaveletBasis:
         return array
 
 
-def _scaling_functions(length: int) -> sparse.csr_array:
-    """The functions of V_0 in its B-splines: diagonal, (L + 3, L + 3)."""
+def _scaling_functions(length: int) -> Array:
+    """The functions of V_0 in its B-splines, each a multiple of one: the factors, (L + 3,)."""
     factors = np.ones(length + 3)
     factors[[1, -2]] = _ETA2
-    return sparse.csr_array(sparse.diags_array(factors))
+    return factors
 
 
 def _wavelets(count: int) -> sparse.csr_array:

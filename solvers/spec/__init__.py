@@ -1,10 +1,10 @@
 """The job document: read strictly, checked as a whole, every mistake reported with its JSON pointer.
 
-``check_document(parse_document(text))`` gives a `JobSpec`; its fields hold values as submitted (numbers or
+``check_text(text)`` gives a `JobSpec`; its fields hold values as submitted (numbers or
 expressions), and the functions below turn them into numbers and intervals.
 """
 
-from solvers.spec.check import check_document, job_schema
+from solvers.spec.check import check_document, check_text, job_schema
 from solvers.spec.command import CommandSpec
 from solvers.spec.document import parse_document
 from solvers.spec.genetic import GeneticMethod
@@ -84,6 +84,7 @@ __all__ = [
     "bound_interval",
     "canonical_json",
     "check_document",
+    "check_text",
     "definitions_of",
     "evaluate_constant",
     "final_intervals",

@@ -9,7 +9,7 @@ from pydantic import ValidationError
 
 from solvers.errors import DocumentError, Fault
 from solvers.spec.crosschecks import cross_check
-from solvers.spec.document import walk
+from solvers.spec.document import parse_document, walk
 from solvers.spec.faults import MAX_FAULTS, Flaws, kind_of
 from solvers.spec.job import JobSpec
 from solvers.spec.scope import read_scope
@@ -22,12 +22,22 @@ def check_document(document: object) -> JobSpec:
     Raises DocumentError with every mistake of the document at once: structure, names, shapes, bounds,
     limits, and what this version does not do.
     """
-    if not isinstance(document, dict):
-        raise DocumentError([Fault("", f"a job document is an object, not {kind_of(document)}")])
     flaws = Flaws()
     walk(document, flaws)
     if flaws.found:
         raise DocumentError(flaws.faults())
+    return _check(document)
+
+
+def check_text(raw: bytes | str) -> JobSpec:
+    """Return the checked form of a job document that is JSON text; raises DocumentError."""
+    document = parse_document(raw)  # which has looked at every value
+    return _check(document)
+
+
+def _check(document: object) -> JobSpec:
+    if not isinstance(document, dict):
+        raise DocumentError([Fault("", f"a job document is an object, not {kind_of(document)}")])
     scope = read_scope(document)
     spec: JobSpec | None = None
     faults: list[Fault] = []
