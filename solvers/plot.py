@@ -1,4 +1,4 @@
-"""A result as a picture: states and controls over time, bounds dashed, switches marked.
+"""A result as a picture: states, controls and outputs over time, bounds dashed, switches marked.
 
 matplotlib is imported where a picture is drawn, and without pyplot: figures belong to nobody's global state.
 """
@@ -6,76 +6,164 @@ matplotlib is imported where a picture is drawn, and without pyplot: figures bel
 from __future__ import annotations
 
 import io
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
+
+from solvers.models import LIBRARY
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-_COLOURS = {"states": "#1f4e79", "controls": "#b03a2e", "outputs": "#2e7d4f"}
-_ROW_HEIGHT = 1.7
+# What a group is called beside its rows, its colour and its line width: apart without colours too.
+_GROUPS = {
+    "states": ("state", "#17406b", 1.5),
+    "controls": ("control", "#c0392b", 2.0),
+    "outputs": ("output", "#5d9c5a", 1.5),
+}
+# Of several plants under one command.
+_DASHES: tuple[tuple[float, ...], ...] = ((), (6, 2), (2, 1.5), (6, 2, 1.5, 2), (10, 2), (1, 1))
+_ROW_HEIGHT = 1.6
 _LONGEST_NAME = 80
+# More would not be legible above the first row.
+_MOST_LABELLED = 12
+_STYLE: dict[Any, Any] = {
+    # Text stays text: it can be found, selected and read aloud, and prints sharp at any size.
+    "svg.fonttype": "none",
+    "svg.hashsalt": "ondelette",
+    "font.size": 9.0,
+    "axes.labelsize": 9.0,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.formatter.limits": (-4, 5),
+    "axes.formatter.useoffset": False,
+}
+
+
+@dataclass(frozen=True)
+class _Row:
+    """A quantity and its curves, by the name of the plant."""
+
+    name: str
+    group: str
+    curves: Mapping[str, Any]
 
 
 def render(result: Mapping[str, Any], kind: Literal["svg", "png"], title: str = "") -> bytes:
     """The picture of a result as SVG or PNG."""
     import matplotlib
 
-    # Not text but outlines: the picture looks the same wherever its fonts are not installed.
-    with matplotlib.rc_context({"svg.fonttype": "path", "svg.hashsalt": "ondelette"}):
+    with matplotlib.rc_context(_STYLE):
         buffer = io.BytesIO()
-        draw(result, title).savefig(
-            buffer, format=kind, dpi=130, metadata={"Date": None} if kind == "svg" else None
-        )
+        metadata = {"Date": None, "Title": _label(title) or None} if kind == "svg" else None
+        draw(result, title).savefig(buffer, format=kind, dpi=130, metadata=metadata)
     return buffer.getvalue()
 
 
 def draw(result: Mapping[str, Any], title: str = "") -> Figure:
-    """The picture of a result as a matplotlib figure: a row for each state, control and output."""
+    """The picture of a result as a matplotlib figure: a row for each state, control and output.
+
+    Of several plants under one command it shows all, each with its own dashes.
+    """
+    import matplotlib
     from matplotlib.figure import Figure
 
-    trajectory = result["trajectory"]
-    rows = [
-        (name, values, colour)
-        for group, colour in _COLOURS.items()
-        for name, values in trajectory.get(group, {}).items()
-        # A rated control is listed with the states too.
-        if group != "states" or name not in trajectory["controls"]
-    ]
-    figure = Figure(figsize=(8.0, 0.9 + _ROW_HEIGHT * len(rows)), layout="constrained")
-    axes = figure.subplots(len(rows), 1, sharex=True, squeeze=False)[:, 0]
+    rows = list(_rows(result))
     units = units_of(result)
     margins = {item["pointer"]: item for item in result["constraints"]}
     switches = sorted({time for found in result["switching"].values() for time in found["times"]})
-    for axis, (name, values, colour) in zip(axes, rows, strict=True):
-        # What is not finite (null in a result) leaves a gap.
-        axis.plot(trajectory["t"], np.array(values, np.float64), color=colour, linewidth=1.6)
-        _mark(axis, switches, _bounds(margins.get(f"/problem/bounds/{name}")))
-        unit = units.get(name)
-        axis.set_ylabel(_label(name if unit is None else f"{name} [{unit}]"), parse_math=False)
-        axis.grid(visible=True, linewidth=0.4, alpha=0.5)
-    axes[-1].set_xlabel(_label(f"t [{units['t']}]" if "t" in units else "t"), parse_math=False)
-    figure.suptitle(_label(_headline(result, title)), parse_math=False, fontsize=11)
+    with matplotlib.rc_context(_STYLE):
+        figure = Figure(figsize=(8.0, 1.1 + _ROW_HEIGHT * len(rows)), layout="constrained")
+        axes = figure.subplots(len(rows), 1, sharex=True, squeeze=False)[:, 0]
+        for axis, row in zip(axes, rows, strict=True):
+            _draw_row(axis, row)
+            _mark(axis, switches, _bounds(margins.get(f"/problem/bounds/{row.name}")))
+            axis.set_ylabel(with_unit(row.name, units), parse_math=False)
+        axes[-1].set_xlabel(with_unit("t", units), parse_math=False)
+        _label_switches(axes[0], switches)
+        figure.align_ylabels(axes)
+        if len(plants := max((list(row.curves) for row in rows), key=len)) > 1:
+            handles = max((axis.get_lines()[: len(plants)] for axis in axes), key=len)
+            figure.legend(handles, plants, loc="outside lower center", ncols=len(plants), frameon=False)
+        figure.suptitle(_label(_headline(result, title)), parse_math=False, fontsize=11)
     return figure
 
 
 def units_of(result: Mapping[str, Any]) -> dict[str, str]:
-    """Name -> unit, as far as the document of a result tells them."""
-    units: dict[str, str] = {
-        item["name"]: item["units"] for item in result.get("outputs", []) if item["units"]
-    }
-    units.update(result["resolved"]["document"]["problem"].get("units", {}))
+    """Name -> unit, as far as the document of a result, or a model of the library, tells them."""
+    problem = result["resolved"]["document"]["problem"]
+    units: dict[str, str] = {}
+    if problem["model"]["kind"] == "library":
+        model = LIBRARY[problem["model"]["name"]]
+        units.update({name: item.unit for name, item in {**model.states, **model.controls}.items()})
+    units.update({item["name"]: item["units"] for item in result.get("outputs", []) if item["units"]})
+    units.update(problem.get("units", {}))
     return units
+
+
+def with_unit(name: str, units: Mapping[str, str]) -> str:
+    """A name as a table or an axis shows it, with its unit if there is one."""
+    return _label(f"{name} [{units[name]}]" if units.get(name) else name)
+
+
+def _rows(result: Mapping[str, Any]) -> Iterator[_Row]:
+    trajectory = result["trajectory"]
+    plants = {name: plant["trajectory"] for name, plant in result.get("scenarios", {}).items()}
+    for group in _GROUPS:
+        for name, values in trajectory.get(group, {}).items():
+            # A rated control is listed with the states too.
+            if group == "states" and name in trajectory["controls"]:
+                continue
+            curves = {plant: (own["t"], own[group][name]) for plant, own in plants.items()}
+            if not curves or group == "controls":
+                curves = {"": (trajectory["t"], values)}
+            yield _Row(name, group, curves)
+
+
+def _draw_row(axis: Axes, row: _Row) -> None:
+    called, colour, width = _GROUPS[row.group]
+    for number, (t, values) in enumerate(row.curves.values()):
+        # What is not finite (null in a result) leaves a gap.
+        (line,) = axis.plot(t, np.array(values, np.float64), color=colour, linewidth=width)
+        if dashes := _DASHES[number % len(_DASHES)]:
+            line.set_dashes(dashes)
+            line.set_linewidth(1.1)
+    axis.grid(visible=True, linewidth=0.4, color="#cccccc")
+    axis.margins(x=0.01)
+    axis.annotate(
+        called,
+        xy=(1.005, 0.5),
+        xycoords="axes fraction",
+        rotation=270,
+        va="center",
+        fontsize=7.5,
+        color="#666666",
+    )
 
 
 def _mark(axis: Axes, switches: list[float], bounds: list[float]) -> None:
     for time in switches:
-        axis.axvline(time, color="#888888", linewidth=0.7, linestyle=":")
+        axis.axvline(time, color="#777777", linewidth=0.8, linestyle=":")
     for bound in bounds:
-        axis.axhline(bound, color="#555555", linewidth=0.8, linestyle="--")
+        axis.axhline(bound, color="#444444", linewidth=0.8, linestyle=(0, (4, 3)))
+
+
+def _label_switches(axis: Axes, switches: list[float]) -> None:
+    """Switching times above the first row, where there are few enough to be read."""
+    for time in switches if len(switches) <= _MOST_LABELLED else ():
+        axis.annotate(
+            f"{time:.5g}",
+            xy=(time, 1.02),
+            xycoords=("data", "axes fraction"),
+            rotation=90,
+            ha="center",
+            va="bottom",
+            fontsize=7,
+            color="#444444",
+        )
 
 
 def _bounds(margin: Mapping[str, Any] | None) -> list[float]:
@@ -87,7 +175,7 @@ def _bounds(margin: Mapping[str, Any] | None) -> list[float]:
 
 def _headline(result: Mapping[str, Any], title: str) -> str:
     name = title if len(title) <= _LONGEST_NAME else title[: _LONGEST_NAME - 1] + "…"
-    state = "verified" if result["success"] else f"not verified: {result['status']}"
+    state = "verified" if result["success"] else result["status"].replace("_", " ")
     objective = "none" if result["objective"] is None else f"{result['objective']:.8g}"
     return f"{name}\n{result['method']['name']}, objective {objective}, {state}".strip()
 

@@ -26,6 +26,9 @@ from solvers.verify import Verification
 
 Vector = NDArray[np.float64]
 
+# Times that are closer than this part of the whole are the same.
+_ROUNDING = 1e-9
+
 
 @dataclass(frozen=True)
 class Statistics:
@@ -170,7 +173,11 @@ class Solution:
         """Equidistant times, and every switching instant twice: its left and its right value."""
         times = np.linspace(self.trajectory.t0, self.trajectory.tf, self.spec.output.samples)
         switches = np.unique([time for found in self.switching.values() for time in found["times"]])
-        return np.sort(np.concatenate([np.setdiff1d(times, switches), np.repeat(switches, 2)]))
+        # A sample that is a switching time but for rounding would stand beside it with the wrong value.
+        gap = np.abs(times[:, None] - switches).min(axis=1, initial=np.inf)
+        apart = gap > _ROUNDING * self.trajectory.duration
+        apart[[0, -1]] = True
+        return np.sort(np.concatenate([times[apart], np.repeat(switches, 2)]))
 
 
 @cache
