@@ -1,63 +1,106 @@
-"""Which expression of the document has no finite value, when a solve stumbles over one."""
+"""Why no feasible point was found: which limits of the document stand against each other."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
-from solvers.backends import NUMPY
-from solvers.errors import Fault
-from solvers.expressions import Expression, parse
+from solvers.elastic import Wish, elastic_problem, wishes_of
 from solvers.problem import OptimalControlProblem
-from solvers.spec import MechanicalModel, ProblemSpec
+from solvers.session import Session, Solved
+from solvers.spec import ProblemSpec
+from solvers.status import SolveStatus
 from solvers.trajectory import Trajectory
 
+# Slacks up to this part of their scale are what the tolerance of a program leaves.
+_NOTHING = 1e-6
+# A contradiction may also end a solve in other ways.
+_UNDECIDED = (SolveStatus.INFEASIBLE, SolveStatus.ITERATION_LIMIT, SolveStatus.DIVERGED)
 
-def find_evaluation_fault(
-    spec: ProblemSpec, problem: OptimalControlProblem, trajectory: Trajectory
-) -> Fault | None:
-    """The first expression that is not finite on the nodes of this trajectory, or None."""
-    tau = trajectory.nodes
-    times = trajectory.time(tau)
-    scope = problem.scope(
-        trajectory.states_at(tau),
-        trajectory.controls_at(tau),
-        times,
-        problem.parameters_of(trajectory),
-        NUMPY,
+
+def diagnose(
+    session: Session, spec: ProblemSpec, solved: Solved, span: float = 1.0
+) -> tuple[Solved, list[dict[str, Any]]]:
+    """Find out what stands against an answer that did not converge, by one elastic re-solve on its mesh.
+
+    Where limits have to give, the answer comes back as ``infeasible``, with the ``diagnosis`` of the result:
+    ``pointer`` into the document, ``name``, ``violation`` in its own units, ``at``, the time at which that is
+    reached (None where it belongs to none), and the ``scenario`` where there are several plants; what has to
+    give most, compared with its scale, comes first.
+    Where none has to give, the elastic answer is a feasible point, and the problem is solved again from it.
+    Where the elastic problem is not solved either, the answer comes back as it was.
+    ``span``: the part of all work that is done. Raises whatever the progress of the session raises.
+    """
+    problem, scaling = solved.transcription.problem, solved.transcription.scaling
+    wishes = wishes_of(problem, scaling)
+    if solved.outcome.status not in _UNDECIDED or session.stop is not None or not wishes:
+        return solved, []
+    elastic = replace(
+        solved.transcription,
+        problem=elastic_problem(problem, wishes, solved.transcription.start),
+        scaling=replace(scaling, design=np.append(scaling.design, [wish.scale for wish in wishes])),
     )
-    for pointer, expression in _along_the_trajectory(spec):
-        with np.errstate(all="ignore"):
-            values = np.broadcast_to(expression.evaluate(scope, NUMPY.functions), tau.shape)
-        bad = np.flatnonzero(~np.isfinite(values))
-        if bad.size:
-            where = ", ".join(
-                f"{name} = {float(np.broadcast_to(scope[name], tau.shape)[bad[0]]):.6g}"
-                for name in sorted(expression.names - set(problem.parameters))
-            )
-            detail = f"'{expression.text}' has no finite value at t = {times[bad[0]]:.6g}"
-            return Fault(pointer, f"{detail} ({where})" if where else detail)
-    return None
+    # Not a level of the answer.
+    aside = replace(session, convergence=[])
+    relaxed = aside.solve(elastic, "diagnose", (span, span))
+    session.iterations = aside.iterations
+    if relaxed.outcome.status is SolveStatus.CANCELLED:
+        return replace(solved, outcome=replace(solved.outcome, status=SolveStatus.CANCELLED)), []
+    if not relaxed.converged:
+        return solved, []
+    found = _report(problem, spec, wishes, relaxed.trajectory)
+    if found:
+        return replace(solved, outcome=replace(solved.outcome, status=SolveStatus.INFEASIBLE)), found
+    again = replace(solved.transcription, start=relaxed.trajectory)
+    answer = session.solve(again, "solve from a feasible point", (span, span), warm=True)
+    return (answer if answer.converged or answer.stopped else solved), []
 
 
-def _along_the_trajectory(spec: ProblemSpec) -> Iterator[tuple[str, Expression]]:
-    """Every expression of states, controls and t with its pointer."""
-    model = spec.model
-    base = "/problem/model"
-    for name, entry in model.definitions.items():
-        yield f"{base}/definitions/{name}", parse(entry)
-    if isinstance(model, MechanicalModel):
-        for place, entry in model.entries():
-            yield base + "".join(f"/{part}" for part in place), parse(entry)
-    else:
-        for name, entry in model.dynamics.items():
-            yield f"{base}/dynamics/{name}", parse(entry)
-    for index, constraint in enumerate(spec.path_constraints):
-        yield f"/problem/path_constraints/{index}/expression", parse(constraint.expression)
-    for index, integral in enumerate(spec.integrals):
-        yield f"/problem/integrals/{index}/expression", parse(integral.expression)
-    for key in ("running", "maximum"):
-        cost = getattr(spec.objective, key)
-        if cost is not None:
-            yield f"/problem/objective/{key}", parse(cost)
+def sentence(diagnosis: Sequence[Mapping[str, Any]]) -> list[str]:
+    """What would have to give, for the message of a result; nothing where nothing has to."""
+    if not diagnosis:
+        return []
+    gives = [f"{item['pointer']} ('{item['name']}') by {item['violation']:.4g}" for item in diagnosis]
+    return [f"The least that would have to give, the dynamics kept exactly: {'; '.join(gives)}."]
+
+
+def _report(
+    problem: OptimalControlProblem, spec: ProblemSpec, wishes: Sequence[Wish], trajectory: Trajectory
+) -> list[dict[str, Any]]:
+    slacks = trajectory.design
+    giving = [wish for wish in wishes if slacks[wish.slack] > _NOTHING * wish.scale]
+    giving.sort(key=lambda wish: -slacks[wish.slack] / wish.scale)
+    return [
+        {
+            "pointer": _pointer(spec, wish.limit.pointer),
+            "name": wish.limit.name.partition("@")[0],
+            "violation": slacks[wish.slack],
+            "at": _time(problem, wish, trajectory),
+            **({"scenario": case} if (case := wish.limit.pointer.partition("@")[2]) else {}),
+        }
+        for wish in giving
+    ]
+
+
+def _time(problem: OptimalControlProblem, wish: Wish, trajectory: Trajectory) -> float | None:
+    """When a limit has to give most."""
+    if not wish.along:
+        at_the_end = wish.limit.pointer.startswith("/problem/final_")
+        return trajectory.tf if at_the_end else None
+    tau = trajectory.nodes
+    return float(trajectory.time(tau)[np.argmax(wish.excess(problem, trajectory, tau))])
+
+
+def _pointer(spec: ProblemSpec, pointer: str) -> str:
+    """The place in the document as submitted of a pointer that may name the state of a scenario."""
+    place, _, case = pointer.partition("@")
+    *_, key, name = place.split("/")
+    for index, item in enumerate([] if spec.scenarios is None else spec.scenarios.cases):
+        if item.name == case and name in getattr(item, key, {}):
+            return f"/problem/scenarios/cases/{index}/{key}/{name}"
+    if key == "final_state" and name not in spec.final_state:
+        return "/problem/final_state/*"
+    return place

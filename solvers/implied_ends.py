@@ -19,12 +19,14 @@ from numpy.typing import NDArray
 
 from solvers.backends import NUMPY
 from solvers.problem import OptimalControlProblem
-from solvers.scaling import automatic_scaling
+from solvers.scaling import automatic_scaling, end_scales
 
 Vector = NDArray[np.float64]
 
 _DEPENDENT = 1e-6
 _STEP = 1e-6
+# From rest to rest the fastest moment is twice as fast as the mean.
+_FASTEST = 2.0
 # Of what the verification allows.
 _SHARE = 0.1
 
@@ -39,7 +41,7 @@ def relaxed_ends(
     """
     if any(lower < upper for lower, upper in problem.initial_state):
         return problem, []
-    scale = _scales(problem)
+    scale = end_scales(problem, automatic_scaling(problem), _FASTEST)
     reachable = _reachable(problem, scale)
     basis, implied = np.zeros((0, reachable.shape[1])), list[int]()
     for number, states in enumerate(plants):
@@ -73,14 +75,6 @@ def _without(row: Vector, basis: Vector) -> Vector:
 def _share(rest: Vector, row: Vector) -> float:
     size = float(np.linalg.norm(row))
     return float(np.linalg.norm(rest)) / size if size > _DEPENDENT else 0.0
-
-
-def _scales(problem: OptimalControlProblem) -> Vector:
-    """Magnitudes of the states; of a velocity that of its coordinate, moved twice as fast as on the mean."""
-    scale = automatic_scaling(problem).states.copy()
-    n, guess = problem.dynamics.coordinates, problem.guess
-    scale[n : 2 * n] = 2.0 * scale[:n] / (guess.tf - guess.t0)
-    return scale
 
 
 def _reachable(problem: OptimalControlProblem, scale: Vector) -> Vector:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Mapping, Sequence
 
-from solvers.diagnosis import find_evaluation_fault
+from solvers.evaluation_fault import find_evaluation_fault
 from solvers.problem import OptimalControlProblem
 from solvers.progress import ProgressReport
 from solvers.session import Session

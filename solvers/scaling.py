@@ -79,6 +79,18 @@ def automatic_scaling(problem: OptimalControlProblem) -> Scaling:
     )
 
 
+def end_scales(problem: OptimalControlProblem, scaling: Scaling, speed: float) -> Vector:
+    """Magnitudes of the states (n,) by which misses of ends are compared.
+
+    That of a velocity is ``speed`` times the mean speed at which its coordinate moves by its magnitude in the
+    time of the guess.
+    """
+    scale = scaling.states.copy()
+    n, guess = problem.dynamics.coordinates, problem.guess
+    scale[n : 2 * n] = speed * scale[:n] / (guess.tf - guess.t0)
+    return scale
+
+
 def magnitude(interval: Interval) -> float:
     """A typical size of a quantity that is held within this interval; 1 where it tells none."""
     return nearest_power_of_two(max((abs(bound) for bound in interval if np.isfinite(bound)), default=0.0))

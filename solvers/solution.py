@@ -77,6 +77,8 @@ class Solution:
     """Derivative of the objective with respect to parameters and bounds by pointer; None if not computed."""
     plants: Sequence[PlantAnswer] = ()
     """All plants under one command, the one of this result first; none without scenarios."""
+    diagnosis: Sequence[Mapping[str, Any]] | None = None
+    """What would have to give where no feasible point was found; None where a method does not look."""
     extras: Mapping[str, Any] = field(default_factory=dict)
     """What a method adds to the result, by key."""
 
@@ -131,6 +133,7 @@ class Solution:
             "provenance": {**_provenance(), "seed": getattr(self.spec.method, "seed", None)},
             "constraints": list(self.constraints),
             "sensitivity": None if self.sensitivity is None else dict(self.sensitivity),
+            "diagnosis": list(self.diagnosis) if self.diagnosis else None,
             "convergence": list(self.convergence),
             "starts": list(self.starts),
             "warnings": list(self.warnings),

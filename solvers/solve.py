@@ -8,6 +8,7 @@ from dataclasses import replace
 from typing import Any
 
 from solvers.certificate import hamiltonian_drift
+from solvers.diagnosis import diagnose, sentence
 from solvers.errors import DocumentError, Fault
 from solvers.first_answer import first_answers
 from solvers.genetic.solve import solve_by_genes
@@ -66,6 +67,7 @@ def solve(
     method = first_method(spec.method)
     span = _FIRST_SPAN if wants_more(spec.method) else 1.0
     answers = first_answers(session, meshes_of(method), spec.options.starts, earlier, span)
+    answers[0], diagnosis = diagnose(session, spec.problem, answers[0], span)
     improved = improve(session, spec.method, answers[0], span)
     solved = improved.solved
     costates = solved.transcription.costates(solved.trajectory, solved.outcome.row_multipliers)
@@ -98,7 +100,7 @@ def solve(
         costates=costates[leading.rows(solved.trajectory)],
         objective=solved.objective,
         status=status,
-        message=" ".join([message, *(item["detail"] for item in improved.warnings)]),
+        message=" ".join([message, *sentence(diagnosis), *(item["detail"] for item in improved.warnings)]),
         method={**method.model_dump(exclude_none=True), **improved.summary},
         verification=verification,
         model_report=model_report(leading.problem, trajectory),
@@ -110,6 +112,7 @@ def solve(
         starts=[_start_report(answer, kept=answer is answers[0]) for answer in answers],
         warnings=[*formulation.warnings, *improved.warnings],
         plants=() if one_plant else plants,
+        diagnosis=diagnosis,
         statistics=Statistics(
             solved.transcription.builder.size,
             solved.transcription.builder.row_count,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from solvers.certificate import hamiltonian_drift
+from solvers.diagnosis import diagnose, sentence
 from solvers.first_answer import first_answers
 from solvers.genetic.answer import Simulation, end_error, fly, polish, scale_of
 from solvers.genetic.penalties import with_free_end
@@ -24,7 +25,7 @@ from solvers.refine.residual import mesh_error_estimate
 from solvers.report import constraint_margins
 from solvers.session import Session
 from solvers.solution import Solution, Statistics
-from solvers.spec import AutoMethod, GeneticMethod, JobSpec
+from solvers.spec import AutoMethod, GeneticMethod, JobSpec, ProblemSpec
 from solvers.status import SolveStatus
 from solvers.switching import find_switching
 from solvers.trajectory import Trajectory
@@ -59,6 +60,7 @@ class _Answer:
     improved: Improved | None = None
     costates: Vector | None = None
     """Known where gradients had the last word."""
+    diagnosis: Sequence[Mapping[str, Any]] = ()
 
 
 def solve_by_genes(
@@ -79,7 +81,7 @@ def solve_by_genes(
             "max_state_error": None,
         }
     )
-    answer = _finished(session, method, search, simulation)
+    answer = _finished(session, spec.problem, method, search, simulation)
     trajectory, improved = answer.trajectory, answer.improved
     residual = end_error(problem, trajectory, answer.integrals)
     verification = _verified(spec, session, answer, residual)
@@ -93,7 +95,7 @@ def solve_by_genes(
         costates=_no_costates(trajectory) if answer.costates is None else answer.costates,
         objective=answer.objective,
         status=status,
-        message=" ".join([message, *(item["detail"] for item in warnings)]),
+        message=" ".join([message, *sentence(answer.diagnosis), *(item["detail"] for item in warnings)]),
         method={**method.model_dump(exclude_none=True), **_summary(method, improved)},
         verification=verification,
         model_report=model_report(problem, trajectory),
@@ -101,6 +103,7 @@ def solve_by_genes(
         switching=find_switching(problem, trajectory) if improved is None else improved.switching(problem),
         constraints=constraint_margins(problem, trajectory),
         convergence=session.convergence,
+        diagnosis=answer.diagnosis,
         starts=_runs(search),
         warnings=warnings,
         statistics=_statistics(session, search, improved),
@@ -130,7 +133,9 @@ def _searched(session: Session, method: GeneticMethod, earlier: Trajectory | Non
     return search
 
 
-def _finished(session: Session, method: GeneticMethod, search: Search, simulation: Simulation) -> _Answer:
+def _finished(
+    session: Session, spec: ProblemSpec, method: GeneticMethod, search: Search, simulation: Simulation
+) -> _Answer:
     """The answer after everything that the method asks for; less where it is stopped or fails before."""
     status = session.stop if search.stopped is not None else None
     if status is None:
@@ -143,7 +148,8 @@ def _finished(session: Session, method: GeneticMethod, search: Search, simulatio
         residual = end_error(session.problem, answer.trajectory, answer.integrals)
         share = _SEARCHED, end
         solved = polish(session, method, search.best, answer.trajectory, residual, share)
-        answer = _reached(Improved(solved))
+        solved, diagnosis = diagnose(session, spec, solved, end)
+        answer = replace(_reached(Improved(solved)), diagnosis=diagnosis)
         if method.polish == "penalty":
             residual = end_error(session.problem, answer.trajectory, answer.integrals)
             answer = replace(answer, objective=answer.objective - method.penalty * residual**2)

@@ -126,6 +126,8 @@ def test_an_impossible_slew_fails_and_its_last_iterate_can_be_read(
     assert job["error"]["title"].endswith(".")
     result = service.get(job["links"]["result"]).json()
     assert (result["success"], result["status"]) == (False, "infeasible")
+    assert result["diagnosis"][0]["pointer"] == "/problem/final_state/theta"
+    assert "/problem/final_state/theta" in job["error"]["detail"]
     assert result["verification"]["passed"] is False
     assert service.get(job["links"]["plot"]).status_code == 200
 
