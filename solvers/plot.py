@@ -58,7 +58,9 @@ def render(result: Mapping[str, Any], kind: Literal["svg", "png"], title: str = 
 
     with matplotlib.rc_context(_STYLE):
         buffer = io.BytesIO()
-        metadata = {"Date": None, "Title": _label(title) or None} if kind == "svg" else None
+        metadata: dict[str, str | None] = {"Title": _label(title)} if title else {}
+        if kind == "svg":
+            metadata["Date"] = None  # the same picture is the same file
         draw(result, title).savefig(buffer, format=kind, dpi=130, metadata=metadata)
     return buffer.getvalue()
 

@@ -63,6 +63,7 @@ def test_svg_is_well_formed_whatever_the_title_is(result: dict[str, Any]) -> Non
 
 def test_the_same_result_gives_the_same_svg(result: dict[str, Any]) -> None:
     assert render(result, "svg", "a") == render(result, "svg", "a")
+    assert render(result, "svg") == render(result, "svg")
 
 
 def test_png(result: dict[str, Any]) -> None:
