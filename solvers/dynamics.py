@@ -79,9 +79,13 @@ class Body:
         mass = _values(self.mass, scope, backend)
         return [_dot(row, acceleration) - load for row, load in zip(mass, loads, strict=True)]
 
+    def equations(self, scope: Scope, backend: Backend) -> tuple[list[list[Any]], list[Any]]:
+        """Evaluate M, (n, n) as rows, and G u + f - C q' - K q, one value a coordinate."""
+        return _values(self.mass, scope, backend), self._loads(scope, backend)
+
     def acceleration(self, scope: Scope, backend: Backend) -> list[Any]:
         """Evaluate M^-1 (G u + f - C q' - K q), one value a coordinate."""
-        return backend.solve(_values(self.mass, scope, backend), self._loads(scope, backend))
+        return backend.solve(*self.equations(scope, backend))
 
     def _loads(self, scope: Scope, backend: Backend) -> list[Any]:
         """G u + f - C q' - K q."""

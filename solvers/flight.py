@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
-from solvers.backends import NUMPY
+from solvers.arrays.rates import Rates
 from solvers.errors import OndeletteError
 from solvers.problem import OptimalControlProblem
 from solvers.trajectory import Trajectory
@@ -68,10 +68,11 @@ class ControlledModel:
     def __init__(
         self, problem: OptimalControlProblem, trajectory: Trajectory, scale: Vector, deadline: float
     ) -> None:
-        self._problem, self._trajectory = problem, trajectory
+        self._trajectory = trajectory
         self._scale, self._deadline = scale, deadline
-        self._parameters = problem.parameters_of(trajectory)
-        self._integrands = [problem.running_cost, *(item.expression for item in problem.integrals)]
+        self._integrals = 1 + len(problem.integrals)
+        integrands = [problem.running_cost, *(item.expression for item in problem.integrals)]
+        self._rates = Rates(problem, problem.parameters_of(trajectory), integrands)
         self.bounds = np.array(problem.control_bounds, np.float64).reshape(-1, 2)
         self.breakpoints = np.union1d(trajectory.breakpoints, self._crossings())
 
@@ -103,9 +104,9 @@ class ControlledModel:
                 raise FlightError("the time for verification ran out")
             tau = np.clip(left + s * width, left + margin, left + width - margin)
             states, controls = flat.reshape(-1, count)[:n], self.clipped(tau)[:, copies]
-            return (duration * self._rate(states, controls, tau[copies])).ravel()
+            return (duration * self._rates(states, controls, self._trajectory.time(tau[copies]))).ravel()
 
-        extra = len(self._integrands)
+        extra = self._integrals
         start = np.vstack([starts, np.zeros((extra, count))])
         if not np.isfinite(rate(0.0, start.ravel())).all():
             raise FlightError("the model has no finite rate at the start of an arc")
@@ -185,23 +186,12 @@ class ControlledModel:
 
     def _march(self, start: Vector) -> Flight:
         """The flight arc after arc, where Newton's method fails."""
-        states, integrals = [start], np.zeros(len(self._integrands))
+        states, integrals = [start], np.zeros(self._integrals)
         for index in range(self.arcs):
             arc = self.integrate(states[-1][:, None], np.array([index]))
             states.append(arc.ends[:, 0])
             integrals += arc.integrals[:, 0]
         return Flight(np.column_stack(states), integrals)
-
-    def _rate(self, states: Vector, controls: Vector, tau: Vector) -> Vector:
-        """Rates of the states, of the running cost and of the integrals, (n + 1 + i, len(tau))."""
-        problem = self._problem
-        scope = problem.scope(states, controls, self._trajectory.time(tau), self._parameters, NUMPY)
-        with np.errstate(all="ignore"):
-            rates = problem.dynamics.rate(scope, NUMPY)
-            integrands = [
-                0.0 if item is None else item.evaluate(scope, NUMPY.functions) for item in self._integrands
-            ]
-        return np.array(np.broadcast_arrays(*rates, *integrands, tau)[:-1], np.float64)
 
     def _crossings(self) -> Vector:
         """Where a control crosses a bound between breakpoints: the clipped control has a corner there."""

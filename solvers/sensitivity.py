@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from solvers.problem import OptimalControlProblem
+from solvers.program import NonlinearProgram
 from solvers.scenarios import formulate
 from solvers.session import Solved
 from solvers.spec import BoundValue, ProblemSpec, Value, evaluate_constant
@@ -41,14 +42,15 @@ def sensitivity(spec: ProblemSpec, solved: Solved) -> dict[str, float | None]:
     optimised itself, and parameters that follow from that, have none.
     """
     parameters = solved.transcription.problem.parameters
-    here = _lagrangian(solved, solved.transcription.problem)
+    lagrangian = _Lagrangian(solved)
+    here = lagrangian(solved.transcription.problem)
     found: dict[str, float | None] = {}
     for place, value in _numbers(spec, parameters):
         number = evaluate_constant(value, parameters)
         step = _STEP * (abs(number) or 1.0)
 
         def there(change: float, place: Place = place, number: float = number) -> float:
-            return _lagrangian(solved, formulate(_changed(spec, place, number + change)).problem)
+            return lagrangian(formulate(_changed(spec, place, number + change)).problem)
 
         with np.errstate(all="ignore"):
             above = there(step)
@@ -59,18 +61,32 @@ def sensitivity(spec: ProblemSpec, solved: Solved) -> dict[str, float | None]:
     return found
 
 
-def _lagrangian(solved: Solved, problem: OptimalControlProblem) -> float:
-    transcription, outcome = solved.transcription.of(problem), solved.outcome
-    program = transcription.program(outcome.unknowns)
-    objective, rows = program.values(outcome.unknowns)
-    for multipliers, values, lower, upper in (
-        (outcome.row_multipliers, rows, program.constraint_lower, program.constraint_upper),
-        (outcome.bound_multipliers, outcome.unknowns, program.lower, program.upper),
-    ):
-        active = np.where(multipliers > 0.0, upper, lower)
-        held = np.isfinite(active)
-        objective += float(multipliers[held] @ (values - active)[held])
-    return objective * transcription.scaling.objective
+class _Lagrangian:
+    """The Lagrangian of a neighbouring problem at the answer of this one."""
+
+    def __init__(self, solved: Solved) -> None:
+        self._transcription, self._outcome = solved.transcription, solved.outcome
+        own = solved.transcription.program(solved.outcome.unknowns)
+        self._numbers, self._values = own.numbers, own.values(solved.outcome.unknowns)
+
+    def __call__(self, problem: OptimalControlProblem) -> float:
+        unknowns = self._outcome.unknowns
+        program = self._transcription.of(problem).program(unknowns)
+        objective, rows = self._evaluated(program)
+        for multipliers, values, lower, upper in (
+            (self._outcome.row_multipliers, rows, program.constraint_lower, program.constraint_upper),
+            (self._outcome.bound_multipliers, unknowns, program.lower, program.upper),
+        ):
+            active = np.where(multipliers > 0.0, upper, lower)
+            held = np.isfinite(active)
+            objective += float(multipliers[held] @ (values - active)[held])
+        return objective * self._transcription.scaling.objective
+
+    def _evaluated(self, program: NonlinearProgram) -> tuple[float, Vector]:
+        """Objective and rows: those of the answer where only bounds are others."""
+        if np.array_equal(program.numbers, self._numbers):
+            return self._values
+        return program.values(self._outcome.unknowns)
 
 
 def _numbers(spec: ProblemSpec, parameters: Mapping[str, float]) -> Iterator[tuple[Place, Value]]:

@@ -76,9 +76,9 @@ class ClassicOperators:
         places = np.where(crossed, random.integers(1, max(size, 2), len(pairs)), size)
         tails = np.arange(size) >= places[:, None]
         pairs[:] = np.where(tails[:, None, :], pairs[:, ::-1], pairs)
-        mutated = random.random(genes.shape) < self.mutation_probability
-        genes += self.mutation_sigma * mutated * random.standard_normal(genes.shape)
-        return np.asarray(genes, np.float64)
+        mutated = np.flatnonzero(random.random(genes.size) < self.mutation_probability)
+        genes.ravel()[mutated] += self.mutation_sigma * random.standard_normal(mutated.size)
+        return genes
 
     def _with_elite(self, before: Generation, now: Generation) -> Generation:
         """The elite of the generation before in place of the worst; in the arrays of this one."""
