@@ -60,7 +60,7 @@ class Rates:
             for size in self._bodies:
                 mass = kernel.outputs[row : row + size * size].reshape(size, size, count)
                 row += size * size + size
-                accelerations += NUMPY.solve(mass, kernel.outputs[row - size : row])
+                accelerations += NUMPY.solve([*mass], [*kernel.outputs[row - size : row]])
             coordinates = len(self._velocities)
             found[:coordinates] = states[self._velocities]
             for target, value in zip(found[coordinates : 2 * coordinates], accelerations, strict=True):

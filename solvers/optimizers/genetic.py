@@ -70,7 +70,7 @@ class ClassicOperators:
         count, size = parents.genes.shape
         wheel = np.cumsum(chances(parents.fitness))
         drawn = np.searchsorted(wheel, random.random(count) * wheel[-1], side="right")
-        genes = parents.genes[drawn]
+        genes: Vector = parents.genes[drawn]
         pairs = genes[: count - count % 2].reshape(-1, 2, size)
         crossed = random.random(len(pairs)) < self.crossover_probability
         places = np.where(crossed, random.integers(1, max(size, 2), len(pairs)), size)
