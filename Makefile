@@ -2,7 +2,8 @@
 #
 #   make demo    set up, then solve a job of the literature on a service of its own
 #   make test    set up, then everything that CI checks
-#   make check   lint, types, arrows between the packages
+#   make check   lint, types, arrows between the packages, the documentation without warnings
+#   make docs    the documentation as pages, in build/docs
 #   make serve   run the service on http://127.0.0.1:8000
 #   make bench   the benchmark tables
 #   make bench-ga   the tables of the genetic algorithm (about 20 minutes), and its figures
@@ -15,7 +16,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt
 
-.PHONY: setup demo test check serve bench bench-ga bench-peers soak clean
+.PHONY: setup demo test check docs serve bench bench-ga bench-peers soak clean
 
 setup: $(VENV)/.installed
 
@@ -64,6 +65,13 @@ check: $(VENV)/.installed-dev
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 	$(BIN)/lint-imports --no-logo --no-cache
+	$(DOCS) --quiet
+
+DOCS = $(BIN)/sphinx-build --fail-on-warning --keep-going --fresh-env --doctree-dir build/doctrees docs build/docs
+
+docs: $(VENV)/.installed-dev
+	@$(DOCS)
+	@echo "open build/docs/index.html"
 
 # Files side by side, in their order: those that start services, and wait for them, come first.
 test: check
