@@ -87,6 +87,12 @@ def chosen_type(request: Request, offered: Mapping[str, str]) -> str:
     return best
 
 
+def encodings(request: Request) -> set[str]:
+    """Return the codings in which a client takes an answer (``Accept-Encoding``)."""
+    offered = _ranges(request.headers.get("accept-encoding", ""))
+    return {coding for coding, quality in offered.items() if coding and quality > 0}
+
+
 def _ranges(accept: str) -> dict[str, float]:
     ranges: dict[str, float] = {}
     for item in accept.split(","):

@@ -116,6 +116,7 @@ class Session:
         optimizer = known.optimizer if known is not None else self._optimizer(program, warm=warm)
         outcome = optimizer.minimise(program, self.limits, report)
         STRUCTURES.put(key, CompiledStructure(transcription.builder, optimizer))
+        before = self.iterations
         self.iterations += outcome.iterations
         self.seconds["build"] += time.perf_counter() - started - outcome.seconds
         self.seconds["solve"] += outcome.seconds
@@ -126,6 +127,11 @@ class Session:
                 "nodes": int(solved.trajectory.nodes.size),
                 "objective": solved.objective,
                 "max_state_error": None,
+                "stage": stage,
+                "iterates": [
+                    [before + iteration, objective * transcription.scaling.objective, infeasibility]
+                    for iteration, objective, infeasibility in outcome.iterates
+                ],
             }
         )
         return solved

@@ -7,6 +7,7 @@ import os
 import signal
 import threading
 import time
+from collections import deque
 from dataclasses import replace
 from types import TracebackType
 
@@ -24,13 +25,17 @@ PERIOD = 0.2
 PATIENCE = 5.0
 """Time that a solve has to hear that it is cancelled, and then to come to its end, in seconds."""
 
+MOST_ITERATES = 20
+"""Most iterates that are told of at one exchange; of more of them, evenly some."""
+
 
 class StoreProgress:
     """Progress of one solve, kept in the store; a context manager around the solve.
 
-    The solve itself only writes and reads memory: a thread exchanges its last report for the store's answer
-    every `PERIOD`, so that a slow or absent server never holds up an iteration. While the server is away the
-    solve goes on and nothing is written; it cannot be cancelled then either.
+    The solve itself only writes and reads memory: every `PERIOD` a thread exchanges its last report, with the
+    iterations that have passed since the one before, for the store's answer, so that a slow or absent server
+    never holds up an iteration. While the server is away the solve goes on and nothing is written; it cannot
+    be cancelled then either.
     """
 
     def __init__(
@@ -43,6 +48,8 @@ class StoreProgress:
         self._patience = patience
         self._latest: ProgressReport | None = None
         self._written: ProgressReport | None = None
+        self._iterates: deque[ProgressReport] = deque()
+        self._untold: list[ProgressReport] = []
         self._stop = threading.Event()
         self._asked_at: float | None = None
         self._heard_at: float | None = None
@@ -59,6 +66,8 @@ class StoreProgress:
         if report.trajectory is None and latest is not None and latest is not self._written:
             report = replace(report, trajectory=latest.trajectory)
         self._latest = report
+        if report.objective is not None or report.infeasibility is not None:
+            self._iterates.append(report)
 
     def cancelled(self) -> bool:
         """Tell whether somebody asked to cancel the job, or whether it is not this solve's any more."""
@@ -80,20 +89,30 @@ class StoreProgress:
 
     def _watch(self) -> None:
         while not self._done.wait(self._period):
-            try:
-                self._exchange()
-                self._away = False
-            except RedisError as error:
-                if not self._away:
-                    logger.warning(
-                        "job %s: the store does not answer (%s); the solve goes on", self._job_id, error
-                    )
-                self._away = True
+            self._try_exchange()
+        if self._latest is not self._written and not self._away:
+            self._try_exchange()
+
+    def _try_exchange(self) -> None:
+        try:
+            self._exchange()
+            self._away = False
+        except RedisError as error:
+            if not self._away:
+                logger.warning(
+                    "job %s: the store does not answer (%s); the solve goes on", self._job_id, error
+                )
+            self._away = True
 
     def _exchange(self) -> None:
+        while self._iterates:
+            self._untold.append(self._iterates.popleft())
+        self._untold = self._untold[-1 :: -(len(self._untold) // MOST_ITERATES + 1)][::-1]
         latest = self._latest
-        answer = self._store.report(self._job_id, self._owner, None if latest is self._written else latest)
+        news = None if latest is self._written else latest
+        answer = self._store.report(self._job_id, self._owner, news, self._untold)
         self._written = latest
+        self._untold = []
         if answer is Signal.GO:
             return
         self._stop.set()

@@ -63,18 +63,24 @@ class Solving(Keyspace):
             raise JobGone(job_id)
         return record_of(fields), zlib.decompress(packed)
 
-    def report(self, job_id: str, owner: str, report: ProgressReport | None) -> Signal:
+    def report(
+        self, job_id: str, owner: str, report: ProgressReport | None, iterates: Sequence[ProgressReport] = ()
+    ) -> Signal:
         """Write the progress of a running job (None: nothing new) and hear whether to go on.
 
-        A trajectory is told as an event and not kept in the record.
+        A trajectory and the ``iterates`` since then are told as an event and not kept in the record.
         """
-        text = told = ""
+        text, told = "", {}  # Nothing new.
         if report is not None:
             members = _finite(asdict(report))
             trajectory = members.pop("trajectory")
             text = json.dumps(members)
-            told = text if trajectory is None else json.dumps({**members, "trajectory": trajectory})
-        answer = self._run(self._report, job_id, owner, text, told)
+            told = members
+            if trajectory is not None:
+                told["trajectory"] = trajectory
+            if iterates:
+                told["iterates"] = [_row(one) for one in iterates]
+        answer = self._run(self._report, job_id, owner, text, json.dumps(told) if told else "")
         return Signal(cast(bytes, answer).decode())
 
     def finish(
@@ -134,3 +140,9 @@ def _finite(report: dict[str, Any]) -> dict[str, Any]:
         key: None if isinstance(value, float) and not abs(value) < float("inf") else value
         for key, value in report.items()
     }
+
+
+def _row(report: ProgressReport) -> list[Any]:
+    """An iteration of the past in as few characters as tell of it."""
+    finite = _finite({"objective": report.objective, "infeasibility": report.infeasibility})
+    return [report.stage, report.iteration, *finite.values()]

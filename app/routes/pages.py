@@ -1,50 +1,21 @@
-"""What a person sees in a browser: the first page, the API's documentation, what a problem type means."""
+"""What a person sees in a browser: the page, the API's documentation, what a problem type means."""
 
 from __future__ import annotations
 
 import base64
 import hashlib
-import html
 import re
-from collections.abc import Mapping
-from importlib.resources import files
 
 from fastapi import APIRouter, Request, Response
 from fastapi.openapi.docs import get_swagger_ui_html
 from fastapi.responses import HTMLResponse
 
+from app.assets import Assets
 from app.errors import ServiceError
 from app.openapi import refusals
 from app.problems import PROBLEMS
 
 router = APIRouter()
-
-_STYLE = (
-    "body{font:16px/1.5 system-ui,sans-serif;max-width:44rem;margin:3rem auto;padding:0 1rem}"
-    "pre{background:#f3f4f6;padding:1rem;overflow:auto}dt{font-family:monospace}"
-)
-
-_PAGE = f"""<!doctype html>
-<html lang="en">
-<meta charset="utf-8">
-<meta name="viewport" content="width=device-width">
-<title>ondelette</title>
-<style>{_STYLE}</style>
-<h1>ondelette</h1>
-<p>Solves optimal-control problems by direct methods and verifies every answer by re-integration.</p>
-<pre>curl -s HERE/v1/cases/flexible_spacecraft |
-  curl -s HERE/v1/jobs -H 'Content-Type: application/json' -H 'Prefer: wait=30' -d @-</pre>
-<dl>
-<dt><a href="/docs">/docs</a>, <a href="/openapi.json">/openapi.json</a></dt><dd>The interface.</dd>
-<dt><a href="/v1/jobs">/v1/jobs</a></dt><dd>Jobs, newest first; POST a document here.</dd>
-<dt><a href="/v1/cases">/v1/cases</a></dt><dd>Ready documents with their reference answers.</dd>
-<dt><a href="/v1/methods">/v1/methods</a></dt><dd>Methods with their defaults.</dd>
-<dt><a href="/v1/models">/v1/models</a></dt><dd>Library models.</dd>
-<dt><a href="/readyz">/readyz</a></dt><dd>Whether the broker answers and a worker is alive.</dd>
-<dt><a href="/metrics">/metrics</a></dt><dd>Numbers for Prometheus.</dd>
-</dl>
-</html>
-"""
 
 
 def _digest(text: str) -> str:
@@ -52,22 +23,51 @@ def _digest(text: str) -> str:
     return base64.b64encode(hashlib.sha256(text.encode()).digest()).decode()
 
 
-_PAGE_POLICY = f"default-src 'none'; style-src 'sha256-{_digest(_STYLE)}'; frame-ancestors 'none'"
+_PAGE = Assets(
+    "app.page",
+    "static",
+    {
+        "index.html": "text/html",
+        "app.js": "text/javascript",
+        "editor.js": "text/javascript",
+        "app.css": "text/css",
+        "icon.svg": "image/svg+xml",
+        "LICENSES.txt": "text/plain",
+    },
+)
+
+# Nothing but our own files, and nothing that turns text into markup: what was submitted is always text.
+_PAGE_POLICY = (
+    "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data:; connect-src 'self'; "
+    "base-uri 'none'; form-action 'none'; frame-ancestors 'none'; "
+    "require-trusted-types-for 'script'; trusted-types 'none'"
+)
 
 # The files of Swagger UI come with a package, so that the documentation opens where there is no internet, and
 # so that nobody else's server is asked.
-_ASSETS: Mapping[str, str] = {
-    "swagger-ui-bundle.js": "text/javascript",
-    "swagger-ui.css": "text/css",
-    "favicon.png": "image/png",
-}
+_SWAGGER = Assets(
+    "fastapi_offline",
+    "static",
+    {
+        "swagger-ui-bundle.js": "text/javascript",
+        "swagger-ui.css": "text/css",
+        "favicon.png": "image/png",
+    },
+)
 
 
 @router.get("/", include_in_schema=False)
-def page(request: Request) -> HTMLResponse:
-    """Return the first page."""
-    text = _PAGE.replace("HERE", html.escape(str(request.base_url).rstrip("/")))
-    return HTMLResponse(text, headers={"Content-Security-Policy": _PAGE_POLICY})
+def page(request: Request) -> Response:
+    """Return the page; the rest of its address, behind #, stays in the browser."""
+    return _PAGE.answer(request, "index.html", {"Content-Security-Policy": _PAGE_POLICY})
+
+
+@router.get("/page/{name}", include_in_schema=False)
+def part(request: Request, name: str) -> Response:
+    """Return a file that the page needs."""
+    if name not in _PAGE:
+        raise ServiceError("not-found")
+    return _PAGE.answer(request, name)
 
 
 @router.get("/docs", include_in_schema=False)
@@ -91,12 +91,11 @@ def docs(request: Request) -> HTMLResponse:
 
 
 @router.get("/docs/{name}", include_in_schema=False)
-def asset(name: str) -> Response:
+def asset(request: Request, name: str) -> Response:
     """Return a file that the documentation needs."""
-    if name not in _ASSETS:
+    if name not in _SWAGGER:
         raise ServiceError("not-found")
-    content = (files("fastapi_offline") / "static" / name).read_bytes()
-    return Response(content, media_type=_ASSETS[name], headers={"Cache-Control": "max-age=86400"})
+    return _SWAGGER.answer(request, name)
 
 
 @router.get("/problems/{name}", include_in_schema=False, responses=refusals(404))

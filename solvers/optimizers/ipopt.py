@@ -63,7 +63,11 @@ class Iterate:
 
 @dataclass(frozen=True)
 class Outcome:
-    """Where it stopped: ``unknowns`` (n,), ``row_multipliers`` (m,), ``bound_multipliers`` (n,)."""
+    """Where it stopped: ``unknowns`` (n,), ``row_multipliers`` (m,), ``bound_multipliers`` (n,).
+
+    ``iterates`` are the iterations that were watched, the initial point and the last one among them, each with
+    its objective and infeasibility.
+    """
 
     unknowns: Vector
     objective: float
@@ -72,6 +76,7 @@ class Outcome:
     status: SolveStatus
     solver_status: str
     iterations: int
+    iterates: Sequence[tuple[int, float, float]]
     seconds: float
 
 
@@ -149,17 +154,30 @@ class Ipopt:
         )
         if watcher.error is not None:
             raise watcher.error
-        solver_status = str(self._solver.stats()["return_status"])
+        statistics = self._solver.stats()
+        solver_status = str(statistics["return_status"])
+        count, objective = int(statistics["iter_count"]), float(solution["f"])
+        # Absent where the optimizer has refused the program.
+        told = statistics.get("iterations", {"obj": [], "inf_pr": []})
+        watched = range(0, count, watcher.step)
+        last = (count, objective, _violation(program, solution["g"].full().ravel()))
         return Outcome(
             unknowns=solution["x"].full().ravel(),
-            objective=float(solution["f"]),
+            objective=objective,
             row_multipliers=solution["lam_g"].full().ravel(),
             bound_multipliers=solution["lam_x"].full().ravel(),
             status=watcher.stopped_by or _STATUS.get(solver_status, SolveStatus.DIVERGED),
             solver_status=solver_status,
-            iterations=int(self._solver.stats()["iter_count"]),
+            iterations=count,
+            iterates=[*zip(watched, told["obj"], told["inf_pr"], strict=False), last],
             seconds=time.perf_counter() - started,
         )
+
+
+def _violation(program: NonlinearProgram, rows: Vector) -> float:
+    """The largest violation of a constraint by the values ``rows`` (m,)."""
+    below, above = program.constraint_lower - rows, rows - program.constraint_upper
+    return float(max(0.0, np.max(below, initial=0.0), np.max(above, initial=0.0)))
 
 
 def _ordering(jacobian: ca.Sparsity) -> int:
@@ -214,10 +232,7 @@ class _Watcher(ca.Callback):
         now = time.monotonic()
         if now >= self._next_report:
             self._next_report = now + _REPORT_EVERY
-            objective, rows = float(values[1]), values[2].full().ravel()
-            below = self._program.constraint_lower - rows
-            above = rows - self._program.constraint_upper
-            violation = float(max(0.0, np.max(below, initial=0.0), np.max(above, initial=0.0)))
+            objective, violation = float(values[1]), _violation(self._program, values[2].full().ravel())
             self._report(Iterate(self._iterations, objective, violation, values[0].full().ravel()))
         if now >= self._limits.deadline:
             self.stopped_by = SolveStatus.TIME_LIMIT

@@ -50,7 +50,8 @@ class InProcess(httpx.BaseTransport):
     def handle_request(self, request: httpx.Request) -> httpx.Response:
         async def answer() -> tuple[httpx.Response, bytes]:
             response = await self._transport.handle_async_request(request)
-            return response, await response.aread()
+            # As it came, maybe compressed: whoever asked decodes it.
+            return response, b"".join([chunk async for chunk in response.aiter_raw()])
 
         response, content = self._portal.call(answer)
         return httpx.Response(response.status_code, headers=response.headers, content=content)

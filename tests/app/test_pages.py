@@ -1,4 +1,5 @@
 import base64
+import gzip
 import hashlib
 import re
 from typing import Any
@@ -9,15 +10,36 @@ from tests.problems import problem
 from worker.queue import JobQueue
 
 
-def test_the_first_page_loads_nothing_from_elsewhere(client: httpx.Client) -> None:
-    response = client.get("/")
-    assert response.headers["content-type"].startswith("text/html")
-    assert "http://testserver/v1/jobs" in response.text
-    assert "https://" not in response.text
-    assert "<script" not in response.text
-    for address in ("/docs", "/openapi.json", "/v1/jobs", "/v1/cases", "/v1/methods", "/v1/models"):
-        assert f'href="{address}"' in response.text
-        assert client.get(address).status_code == 200
+def test_the_page_loads_nothing_from_elsewhere(client: httpx.Client) -> None:
+    page = client.get("/")
+    assert page.headers["content-type"].startswith("text/html")
+    addresses = re.findall(r"(?:src|href)=\"([^\"]+)\"", page.text)
+    assert {"/page/app.js", "/page/app.css", "/docs"} <= set(addresses)
+    for address in [*addresses, "/page/editor.js", "/page/LICENSES.txt"]:
+        assert address.startswith("/")
+        assert client.get(address).status_code == 200, address
+    # No script and no style in the page itself, and the policy allows none.
+    assert not re.search(r"<style|<script>|\son\w+=|style=", page.text)
+    policy = page.headers["content-security-policy"]
+    assert "script-src 'self';" in policy
+    assert "unsafe" not in policy
+    assert "require-trusted-types-for 'script'" in policy
+    problem(client.get("/page/__init__.py"), 404, "not-found")
+    problem(client.get("/page/..%2F__init__.py"), 404, "not-found")
+
+
+def test_the_first_load_is_small_and_known_the_second_time(client: httpx.Client) -> None:
+    size = 0
+    for address in ("/", "/page/app.js", "/page/app.css", "/page/icon.svg"):
+        answer = client.get(address, headers={"Accept-Encoding": "gzip"})
+        assert answer.headers["content-encoding"] == "gzip"
+        size += len(gzip.compress(answer.content, mtime=0))
+        plain = client.get(address, headers={"Accept-Encoding": "identity"})
+        assert "content-encoding" not in plain.headers
+        assert plain.content == answer.content
+        again = client.get(address, headers={"If-None-Match": answer.headers["etag"]})
+        assert (again.status_code, again.content) == (304, b"")
+    assert size <= 100_000
 
 
 def references(schema: Any) -> set[str]:

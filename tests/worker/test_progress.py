@@ -1,4 +1,5 @@
 import logging
+import math
 import signal
 import subprocess
 import sys
@@ -9,8 +10,8 @@ import pytest
 
 from solvers.progress import ProgressReport
 from worker.outcome import TIMED_OUT
-from worker.progress import StoreProgress
-from worker.records import JobRecord, JobStatus, new_job_id
+from worker.progress import MOST_ITERATES, StoreProgress
+from worker.records import FIRST, JobRecord, JobStatus, new_job_id
 from worker.settings import QueueSettings
 from worker.store import JobStore, connect
 
@@ -47,6 +48,20 @@ def test_the_last_report_is_written_and_not_every_one(store: JobStore, job_id: s
         time.sleep(0.2)  # Several periods without news.
     assert store.get(job_id).version - version <= 2
     assert not progress.cancelled()
+
+
+def test_of_many_iterates_some_are_told_and_the_last_one_always(
+    store: JobStore, job_id: str, owner: str
+) -> None:
+    with StoreProgress(store, job_id, owner, period=0.05) as progress:
+        for iteration in range(1_001):
+            progress.report(ProgressReport("solve", iteration, 2.0 * iteration, math.inf))
+    told = [event.data for event in store.events(job_id, FIRST) if event.kind == "progress"]
+    iterates = [iterate for data in told for iterate in data["iterates"]]
+    assert iterates[-1] == ["solve", 1_000, 2_000.0, None]
+    assert 1 < len(iterates) <= MOST_ITERATES * len(told)
+    assert [iterate[1] for iterate in iterates] == sorted({iterate[1] for iterate in iterates})
+    assert "iterates" not in (store.get(job_id).progress or {})
 
 
 def test_a_cancelled_job_is_heard_of(store: JobStore, job_id: str, owner: str) -> None:

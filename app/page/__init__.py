@@ -1,0 +1,1 @@
+"""The page, built from `page/` by `make page`: static files, served by `app.routes.pages`."""

@@ -1,0 +1,106 @@
+// What stands beside the plots of a job: its figures, what a design review asks for, its files.
+import { download } from "./api";
+import { between, leaf, number, seconds, when } from "./format";
+import { Action, type Fact, Facts, Section } from "./parts";
+import { to } from "./route";
+import type { Job, Result } from "./types";
+
+export function Summary({ job, result }: { job: Job; result: Result | null }) {
+  const link = (path: string, id: string) => <a href={to(`${path}/${id}`)}>{id}</a>;
+  const facts: Fact[] = [
+    ["method", job.method],
+    ["submitted", when(job.created_at)],
+    ["took", between(job.started_at, job.finished_at)],
+    ["attempts", job.attempts],
+    ["id", <code key="id">{job.id}</code>],
+  ];
+  if (job.sweep) facts.push(["point of the sweep", link("/sweeps", job.sweep)]);
+  if (job.reused_from) facts.push(["answer of", link("/jobs", job.reused_from)]);
+  return (
+    <Section title="Job" id="job">
+      {result && <Facts facts={figures(result)} />}
+      <Facts facts={facts} />
+      <p class="tags">{job.tags.map((tag) => <a key={tag} class="tag" href={to("/", { tag })}>{tag}</a>)}</p>
+    </Section>
+  );
+}
+
+function figures({ objective, final_time, statistics }: Result): Fact[] {
+  return [
+    ["objective", <b key="objective">{number(objective, 9)}</b>],
+    ["final time", number(final_time, 9)],
+    ["iterations", statistics.iterations ?? "–"],
+    ["variables, constraints", `${statistics.variables ?? "–"}, ${statistics.constraints ?? "–"}`],
+    ["solver's time", seconds(statistics.seconds.total)],
+  ];
+}
+
+/** What the design review asks for: margins, warnings, why nothing feasible was found. */
+export function Findings({ result }: { result: Result }) {
+  const { constraints = [], warnings = [], diagnosis = [] } = result;
+  return (
+    <>
+      {diagnosis.length > 0 && (
+        <Section title="No feasible point found" id="diagnosis">
+          <ul>
+            {diagnosis.map((item) => (
+              <li key={item.pointer}>{item.name}: violated by {number(item.violation, 3)} at t = {number(item.at, 4)}</li>
+            ))}
+          </ul>
+        </Section>
+      )}
+      {constraints.length > 0 && (
+        <Section title="Margins" id="margins">
+          <div class="scroll" tabIndex={0} role="region" aria-label="Margins of the constraints">
+            <table>
+              <thead>
+                <tr>
+                  <th scope="col">Constraint</th>
+                  <th scope="col" class="right">Least</th>
+                  <th scope="col" class="right">Greatest</th>
+                  <th scope="col" class="right">Margin</th>
+                </tr>
+              </thead>
+              <tbody>
+                {constraints.map((item) => (
+                  <tr key={item.pointer}>
+                    <th scope="row" title={item.pointer}>{leaf(item.pointer)}</th>
+                    <td class="right">{number(item.min, 4)}</td>
+                    <td class="right">{number(item.max, 4)}</td>
+                    <td class="right">{number(item.margin, 3)}{item.active.length > 0 && " active"}</td>
+                  </tr>
+                ))}
+              </tbody>
+            </table>
+          </div>
+        </Section>
+      )}
+      {warnings.length > 0 && (
+        <Section title="Warnings" id="warnings">
+          <ul>{warnings.map((item) => <li key={item.code + item.pointer}><code>{item.pointer}</code> {item.detail}</li>)}</ul>
+        </Section>
+      )}
+    </>
+  );
+}
+
+export function Downloads({ job, result }: { job: Job; result: boolean }) {
+  const base = `/v1/jobs/${job.id}`;
+  const files: [string, string, string][] = [
+    ["JSON", `${base}/result?format=json`, `${job.id}.json`],
+    ["CSV", `${base}/result?format=csv`, `${job.id}.csv`],
+    ["NPZ", `${base}/result?format=npz`, `${job.id}.npz`],
+    ["MAT", `${base}/result?format=mat`, `${job.id}.mat`],
+    ["SVG", `${base}/plot.svg`, `${job.id}.svg`],
+    ["Bundle", `${base}/bundle.zip`, `${job.id}.zip`],
+  ];
+  return (
+    <Section title="Files" id="files">
+      <div class="files">
+        {files.map(([label, path, name]) => (
+          <Action key={label} act={() => download(path, name)} disabled={!result && label !== "Bundle"}>{label}</Action>
+        ))}
+      </div>
+    </Section>
+  );
+}
