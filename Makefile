@@ -5,6 +5,7 @@
 #   make check   lint, types, arrows between the packages, the documentation without warnings
 #   make docs    the documentation as pages, in build/docs
 #   make serve   run the service on http://127.0.0.1:8000
+#   make page    build the page at / anew, for which Node.js is needed (what it builds is in the repository)
 #   make bench   the benchmark tables
 #   make bench-ga   the tables of the genetic algorithm (about 20 minutes), and its figures
 #   make soak    a service with production values to which a thousand faults happen (about half an hour), then
@@ -16,7 +17,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt
 
-.PHONY: setup demo test check docs serve bench bench-ga bench-peers soak clean
+.PHONY: setup demo test check docs serve page bench bench-ga bench-peers soak clean
 
 setup: $(VENV)/.installed
 
@@ -39,6 +40,11 @@ demo: setup
 
 serve: setup
 	@$(BIN)/ondelette serve
+
+page:
+	npm ci --prefix page --no-audit --no-fund
+	npm run --prefix page check
+	npm run --prefix page build
 
 bench: setup
 	@$(BIN)/ondelette bench

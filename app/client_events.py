@@ -23,9 +23,9 @@ class Event:
     """Something that happened to a job.
 
     ``data`` of a ``status`` holds ``job_id``, ``status``, ``attempts``, ``cancel_requested``, ``error`` and
-    ``at``; of ``progress`` the report of the solve, with the ``iterates`` since the last one (stage, iteration,
-    objective, infeasibility) and now and then a coarse ``trajectory``; of ``result`` the address of the
-    result, ``href``.
+    ``at``; of ``progress`` the report of the solve, with the ``iterates`` since the last one (stage,
+    iteration, objective, infeasibility) and now and then a coarse ``trajectory``; of ``result`` the address
+    of the result, ``href``.
     """
 
     id: str

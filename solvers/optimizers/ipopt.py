@@ -65,8 +65,8 @@ class Iterate:
 class Outcome:
     """Where it stopped: ``unknowns`` (n,), ``row_multipliers`` (m,), ``bound_multipliers`` (n,).
 
-    ``iterates`` are the iterations that were watched, the initial point and the last one among them, each with
-    its objective and infeasibility.
+    ``iterates`` are the iterations that were watched, from the initial point to the last one, each with its
+    objective and infeasibility.
     """
 
     unknowns: Vector

@@ -203,3 +203,16 @@ def test_a_solve_is_asked_to_stop_before_a_fine_mesh_is_built(flexible_spacecraf
     assert solution.status is SolveStatus.CANCELLED
     assert len(solution.convergence) == 1
     assert solution.trajectory.nodes.size == 8 * 2**3 + 1
+
+
+def test_the_iterates_of_each_mesh_are_kept(flexible_spacecraft: dict[str, Any]) -> None:
+    """From the final time that was guessed to the one that was found, and to no infeasibility."""
+    solution = solve(check_document({**flexible_spacecraft, "method": {"name": "swcm", "J": 3}}))
+    (mesh,) = solution.convergence
+    iterations, objectives, infeasibilities = zip(*mesh["iterates"], strict=True)
+    assert iterations[0] == 0
+    assert list(iterations) == sorted(set(iterations))
+    assert iterations[-1] == solution.statistics.iterations
+    assert objectives[0] == pytest.approx(flexible_spacecraft["problem"]["guess"]["final_time"])
+    assert objectives[-1] == mesh["objective"] == solution.objective
+    assert infeasibilities[0] > 1e-3 > 1e-8 > infeasibilities[-1]
