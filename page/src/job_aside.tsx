@@ -37,7 +37,7 @@ function figures({ objective, final_time, statistics }: Result): Fact[] {
 
 /** What the design review asks for: margins, warnings, why nothing feasible was found. */
 export function Findings({ result }: { result: Result }) {
-  const { constraints = [], warnings = [], diagnosis = [] } = result;
+  const [constraints, warnings, diagnosis] = [result.constraints ?? [], result.warnings ?? [], result.diagnosis ?? []];
   return (
     <>
       {diagnosis.length > 0 && (

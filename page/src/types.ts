@@ -47,7 +47,7 @@ export interface Trajectory {
   t: number[];
   states?: Record<string, Numbers>;
   controls?: Record<string, Numbers>;
-  outputs?: Record<string, Numbers>;
+  outputs?: Record<string, Numbers> | null;
 }
 
 export interface Check {
@@ -66,6 +66,7 @@ export interface Verification {
   states?: Record<string, Record<"terminal_error" | "max_error" | "at" | "tolerance", number | null>>;
 }
 
+/** What was not computed is null, and what a method does not have is not there. */
 export interface Result {
   success: boolean;
   status: string;
@@ -80,16 +81,16 @@ export interface Result {
   };
   nodes?: { t: number[]; costates?: Record<string, Numbers> | null };
   trajectory: Trajectory;
-  outputs?: { name: string; units: string | null }[];
+  outputs?: { name: string; units: string | null }[] | null;
   switching: Record<string, { times: number[]; levels: (number | null)[]; arcs: string[] }>;
   verification: Verification;
-  scenarios?: Record<string, { trajectory: Trajectory; verification: Verification }>;
+  scenarios?: Record<string, { trajectory: Trajectory; verification: Verification }> | null;
   statistics: { variables?: number; constraints?: number; iterations?: number | null; seconds: { total: number } };
-  convergence?: { stage?: string; iterates?: Iterate[] }[];
-  constraints?: Constraint[];
-  warnings?: { code: string; pointer: string; detail: string }[];
-  diagnosis?: { pointer: string; name: string; violation: number | null; at: number | null }[];
-  provenance?: { versions: Record<string, string>; linear_solver?: string | null };
+  convergence?: { stage?: string; iterates?: Iterate[] }[] | null;
+  constraints?: Constraint[] | null;
+  warnings?: { code: string; pointer: string; detail: string }[] | null;
+  diagnosis?: { pointer: string; name: string; violation: number | null; at: number | null }[] | null;
+  provenance?: { versions: Record<string, string>; linear_solver?: string | null } | null;
   resolved?: { document: { problem: { units?: Record<string, string> } } };
 }
 
