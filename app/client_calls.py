@@ -255,6 +255,11 @@ def plot(job_id: str, kind: Literal["svg", "png"] = "svg") -> Call[bytes]:
     return Call("GET", _of(job_id, f"/plot.{kind}"), read_bytes)
 
 
+def report(job_id: str) -> Call[bytes]:
+    """Read the printable report of a final job, one HTML file."""
+    return Call("GET", _of(job_id, "/report.html"), read_bytes)
+
+
 def bundle(job_id: str) -> Call[bytes]:
     """Read everything about a final job as one ZIP file, for ``ondelette replay``."""
     return Call("GET", _of(job_id, "/bundle.zip"), read_bytes)

@@ -58,6 +58,7 @@ class JobLinks(BaseModel):
     result: str
     trajectory: str
     plot: str
+    report: str
     bundle: str
 
 
@@ -125,6 +126,7 @@ class JobView(BaseModel):
                 result=f"{here}/result",
                 trajectory=f"{here}/trajectory",
                 plot=f"{here}/plot.svg",
+                report=f"{here}/report.html",
                 bundle=f"{here}/bundle.zip",
             ),
         )

@@ -6,6 +6,7 @@ matplotlib is imported where a picture is drawn, and without pyplot: figures bel
 from __future__ import annotations
 
 import io
+import threading
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Literal
@@ -18,6 +19,9 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+# matplotlib keeps settings and caches that threads must not share.
+_drawing = threading.Lock()
+
 # What a group is called beside its rows, its colour and its line width: apart without colours too.
 _GROUPS = {
     "states": ("state", "#17406b", 1.5),
@@ -27,6 +31,7 @@ _GROUPS = {
 # Of several plants under one command.
 _DASHES: tuple[tuple[float, ...], ...] = ((), (6, 2), (2, 1.5), (6, 2, 1.5, 2), (10, 2), (1, 1))
 _ROW_HEIGHT = 1.6
+_ROWS_ON_PAPER = 5
 _LONGEST_NAME = 80
 # More would not be legible above the first row.
 _MOST_LABELLED = 12
@@ -54,6 +59,11 @@ class _Row:
 
 def render(result: Mapping[str, Any], kind: Literal["svg", "png"], title: str = "") -> bytes:
     """The picture of a result as SVG or PNG."""
+    with _drawing:
+        return _saved(draw(result, title), kind, title)
+
+
+def _saved(figure: Figure, kind: Literal["svg", "png"], title: str = "") -> bytes:
     import matplotlib
 
     with matplotlib.rc_context(_STYLE):
@@ -61,8 +71,17 @@ def render(result: Mapping[str, Any], kind: Literal["svg", "png"], title: str = 
         metadata: dict[str, str | None] = {"Title": _label(title)} if title else {}
         if kind == "svg":
             metadata["Date"] = None  # the same picture is the same file
-        draw(result, title).savefig(buffer, format=kind, dpi=130, metadata=metadata)
+        figure.savefig(buffer, format=kind, dpi=130, metadata=metadata)
     return buffer.getvalue()
+
+
+def render_parts(result: Mapping[str, Any]) -> Iterator[bytes]:
+    """The picture of a result as SVGs of a few rows each, which fit on paper; without its headline."""
+    rows = list(_rows(result))
+    for start in range(0, len(rows), _ROWS_ON_PAPER):
+        with _drawing:
+            part = _saved(_figure(result, rows[start : start + _ROWS_ON_PAPER]), "svg")
+        yield part
 
 
 def draw(result: Mapping[str, Any], title: str = "") -> Figure:
@@ -70,10 +89,15 @@ def draw(result: Mapping[str, Any], title: str = "") -> Figure:
 
     Of several plants under one command it shows all, each with its own dashes.
     """
+    figure = _figure(result, list(_rows(result)))
+    figure.suptitle(_label(_headline(result, title)), parse_math=False, fontsize=11)
+    return figure
+
+
+def _figure(result: Mapping[str, Any], rows: list[_Row]) -> Figure:
     import matplotlib
     from matplotlib.figure import Figure
 
-    rows = list(_rows(result))
     units = units_of(result)
     margins = {item["pointer"]: item for item in result["constraints"]}
     switches = sorted({time for found in result["switching"].values() for time in found["times"]})
@@ -90,7 +114,6 @@ def draw(result: Mapping[str, Any], title: str = "") -> Figure:
         if len(plants := max((list(row.curves) for row in rows), key=len)) > 1:
             handles = max((axis.get_lines()[: len(plants)] for axis in axes), key=len)
             figure.legend(handles, plants, loc="outside lower center", ncols=len(plants), frameon=False)
-        figure.suptitle(_label(_headline(result, title)), parse_math=False, fontsize=11)
     return figure
 
 

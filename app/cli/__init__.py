@@ -20,6 +20,7 @@ from app.cli.doctor import doctor
 from app.cli.jobs import cancel, list_jobs, result, submit, watch
 from app.cli.keys import keys
 from app.cli.replay import replay
+from app.cli.report import report
 from app.cli.service import api, serve, worker
 from app.cli.solve import solve
 
@@ -36,6 +37,7 @@ for command in (
     worker,
     solve,
     replay,
+    report,
     submit,
     watch,
     result,

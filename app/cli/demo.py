@@ -30,7 +30,7 @@ CASE = "flexible_spacecraft"
 )
 def demo(folder: Path, progress: bool | None) -> None:
     """Start the service, solve the flexible-spacecraft slew over HTTP, print the answer, stop."""
-    from app.cli.report import result_table
+    from app.cli.result_table import result_table
     from app.embedded.service import EmbeddedService, ServiceOptions, ServiceStopped, StopRequest
 
     folder.mkdir(parents=True, exist_ok=True)

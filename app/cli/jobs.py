@@ -95,7 +95,7 @@ def watch(job_id: str, server: str, as_json: bool, progress: bool | None) -> Non
                 if error.status != NO_RESULT:
                     raise
             else:
-                from app.cli.report import result_table
+                from app.cli.result_table import result_table
 
                 tables().print(result_table(result))
     if job["status"] != "succeeded":

@@ -1,65 +1,44 @@
-"""A result as a table for people."""
+"""``ondelette report``: a result as a printable page."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from typing import TYPE_CHECKING, Any
+import json
+from pathlib import Path
+from typing import Any
 
-if TYPE_CHECKING:
-    from rich.table import Table
+import click
 
-
-def result_table(result: Mapping[str, Any], reference: Mapping[str, Any] | None = None) -> Table:
-    """The result in figures, beside the ``reference`` of its case if there is one."""
-    from rich import box
-    from rich.markup import escape
-    from rich.table import Table
-
-    table = Table("quantity", "value", box=box.SIMPLE_HEAD)
-    table.columns[1].overflow = "fold"
-
-    def row(quantity: str, value: str | float | None) -> None:
-        if value is not None:
-            table.add_row(escape(quantity), escape(value if isinstance(value, str) else f"{value:.10g}"))
-
-    verdict = "solved and verified" if result["success"] else "not solved"
-    row("outcome", f"{verdict} ({result['status']})")
-    row(
-        "method", ", ".join(f"{key} {value}" for key, value in result["method"].items()).removeprefix("name ")
-    )
-    row("objective", result["objective"])
-    if reference and reference.get("objective") is not None and result["objective"] is not None:
-        row("  reference", reference["objective"])
-        row("  error", f"{result['objective'] - reference['objective']:+.2e}")
-    row("final time", result["final_time"])
-    for control, structure in (result.get("switching") or {}).items():
-        row(f"switching times of {control}", _list(structure["times"]))
-        expected = (reference or {}).get("switching")
-        if expected is not None:
-            row("  reference", _list(expected[control] if isinstance(expected, Mapping) else expected))
-    _verification(row, result.get("verification") or {})
-    statistics = result.get("statistics") or {}
-    if statistics:
-        row(
-            "program",
-            f"{statistics['variables']} variables, {statistics['constraints']} constraints, "
-            f"{statistics['iterations']} iterations",
-        )
-        spent = {key: value for key, value in statistics["seconds"].items() if value is not None}
-        row("seconds", ", ".join(f"{stage} {value:.2f}" for stage, value in spent.items()))
-    return table
+from app.cli.common import ExitCode, fail, write_output
+from app.cli.targets import output_option
 
 
-def _verification(row: Callable[[str, str], None], verification: Mapping[str, Any]) -> None:
-    """Rows of the independent re-integration: what was found, and its limit."""
-    if not verification:
-        return
-    row("verified by", f"{verification['integrator']}, rtol {verification['rtol']:g}")
-    for check in verification.get("checks") or ():
-        verdict = "passed" if check["passed"] else "FAILED"
-        value = "-" if check["value"] is None else f"{check['value']:.2e}"
-        row(f"  {str(check['name']).replace('_', ' ')}", f"{value} (limit {check['limit']:g}) {verdict}")
+@click.command(short_help="Write the printable report of a result.")
+@click.argument("file", type=click.Path(exists=True, dir_okay=False, path_type=Path))
+@output_option
+def report(file: Path, output: Path | None) -> None:
+    """Write the report of FILE, a result as JSON or the bundle.zip of a job: one HTML file, to be printed.
+
+    Exit code 2 where the file is neither.
+    """
+    from app.report import write_report
+
+    document, result = _read(file)
+    write_output(write_report(document, result).encode(), output)
 
 
-def _list(times: Any) -> str:
-    return ", ".join(f"{time:.6f}" for time in times) or "none"
+def _read(file: Path) -> tuple[dict[str, Any], dict[str, Any] | None]:
+    """The document and the result."""
+    from solvers.bundle import BundleError, unpack
+
+    content = file.read_bytes()
+    if content.startswith(b"PK"):
+        try:
+            bundle = unpack(content)
+        except BundleError as error:
+            fail(f"{file}: {error}", ExitCode.BAD_INPUT)
+        return json.loads(bundle.document), None if bundle.result is None else dict(bundle.result)
+    try:
+        result: dict[str, Any] = json.loads(content)
+        return result["resolved"]["document"], result
+    except (ValueError, KeyError, TypeError):
+        fail(f"{file}: this is neither a result as JSON nor a bundle", ExitCode.BAD_INPUT)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import math
-import threading
 from collections.abc import Callable, Mapping
 from typing import Annotated, Any, Literal
 
@@ -15,6 +14,7 @@ from numpy.typing import NDArray
 from app.errors import ServiceError, wrong_parameter
 from app.negotiation import chosen_type
 from app.openapi import refusals
+from app.report import POLICY
 from app.schemas import JobView
 from app.service import Service, Shared
 from solvers.bundle import pack
@@ -40,9 +40,6 @@ _EXPORTS: Mapping[str, Callable[[Mapping[str, Any]], str | bytes]] = {
     "npz": to_npz,
     "mat": to_mat,
 }
-
-# matplotlib keeps settings and caches that threads must not share.
-_drawing = threading.Lock()
 
 
 @router.get(
@@ -140,11 +137,8 @@ def _log_line(event: JobEvent) -> str:
 def _plot(service: Service, job_id: str, kind: Literal["svg", "png"], media: str) -> Response:
     text = service.result(job_id)
     title = service.store.get(job_id).name or ""
-    with _drawing:
-        picture = render(json.loads(text), kind, title)
-    # The picture styles itself inline and must not load or run anything.
-    policy = "default-src 'none'; style-src 'unsafe-inline'; frame-ancestors 'self'"
-    return Response(picture, media_type=media, headers={"Content-Security-Policy": policy})
+    picture = render(json.loads(text), kind, title)
+    return Response(picture, media_type=media, headers={"Content-Security-Policy": POLICY})
 
 
 def _not_finite() -> ServiceError:

@@ -153,6 +153,7 @@ def test_other_projects_jobs_are_not_there(
         ("GET", f"{here}/events"),
         ("GET", f"{here}/bundle.zip"),
         ("GET", f"{here}/plot.svg"),
+        ("GET", f"{here}/report.html"),
         ("GET", f"{here}/trajectory"),
         ("POST", f"{here}/cancel"),
         ("DELETE", here),

@@ -305,7 +305,7 @@ def test_an_unknown_job_is_not_found_for_any_question(client: httpx.Client) -> N
 
 
 def questions(job_id: str) -> list[tuple[str, str]]:
-    parts = ("", "/spec", "/result", "/trajectory", "/plot.svg", "/plot.png", "?wait=1")
+    parts = ("", "/spec", "/result", "/trajectory", "/plot.svg", "/plot.png", "/report.html", "?wait=1")
     here = f"/v1/jobs/{job_id}"
     asks = [("POST", f"{here}/cancel"), ("POST", f"{here}/pin"), ("DELETE", f"{here}/pin"), ("DELETE", here)]
     return [*asks, *(("GET", here + part) for part in parts)]
