@@ -18,6 +18,7 @@ from typing import Any
 import httpx
 import pytest
 
+from app.embedded.service import EmbeddedService, ServiceOptions
 from tests.bad_documents import FLEXIBLE_SPACECRAFT
 from worker.queue import JobQueue, make_celery
 from worker.settings import QueueSettings
@@ -32,6 +33,14 @@ API = (
     "config = uvicorn.Config(create_app(), access_log=False, timeout_graceful_shutdown=2);"
     "uvicorn.Server(config).run(sockets=[socket.socket(fileno=int(sys.argv[1]))])"
 )
+
+
+@pytest.fixture(scope="session")
+def url(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
+    """The address of the service that `ondelette serve` starts, for whatever is printed in documents."""
+    options = ServiceOptions(tmp_path_factory.mktemp("service"), port=0, workers=1)
+    with EmbeddedService(options, print) as service:
+        yield service.url
 
 
 # Leases that are over soon, so that tests need not wait for half a minute.

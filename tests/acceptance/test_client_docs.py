@@ -5,24 +5,14 @@ from __future__ import annotations
 import contextlib
 import io
 import re
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-from app.embedded.service import EmbeddedService, ServiceOptions
-
 PAGE = (Path(__file__).parents[2] / "docs" / "client.md").read_text()
 BLOCKS = re.findall(r"^```(\w+)\n(.*?)^```$", PAGE, re.MULTILINE | re.DOTALL)
 NUMBER = re.compile(r"-?\d+\.\d*(?:e[-+]?\d+)?")
-
-
-@pytest.fixture(scope="module")
-def url(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
-    options = ServiceOptions(tmp_path_factory.mktemp("service"), port=0, workers=1)
-    with EmbeddedService(options, print) as service:
-        yield service.url
 
 
 def test_the_examples_print_what_is_printed(

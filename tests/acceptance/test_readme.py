@@ -6,13 +6,10 @@ import json
 import re
 import subprocess
 import sys
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
-
-from app.embedded.service import EmbeddedService, ServiceOptions
 
 ROOT = Path(__file__).parents[2]
 BLOCKS = re.findall(r"^```(\w+)\n(.*?)^```$", (ROOT / "README.md").read_text(), re.MULTILINE | re.DOTALL)
@@ -24,13 +21,6 @@ def block(language: str, beginning: str) -> str:
     found = [text for kind, text in BLOCKS if kind == language and text.startswith(beginning)]
     assert len(found) == 1, (language, beginning)
     return str(found[0])
-
-
-@pytest.fixture(scope="module")
-def url(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
-    options = ServiceOptions(tmp_path_factory.mktemp("service"), port=0, workers=1)
-    with EmbeddedService(options, print) as service:
-        yield service.url
 
 
 def masked(job: dict[str, Any]) -> dict[str, Any]:
