@@ -162,9 +162,12 @@ class LagrangeCurve:
         group = groups[segment]
         for index, alike in enumerate(self._alike):
             here = np.flatnonzero(group == index)
+            own = places[segment[here]]
+            if alike.constant:
+                result[here] = 0.0 if derivative else alike.values[own, 0]
+                continue
             rows = _interpolation(alike.support, local[here])
-            values = alike.derivative(derivative, widths)[places[segment[here]]]
-            result[here] = np.einsum("ij,ij->i", rows, values)
+            result[here] = np.einsum("ij,ij->i", rows, alike.derivative(derivative, widths)[own])
         return result
 
     @cached_property
@@ -188,20 +191,23 @@ class LagrangeCurve:
 def _interpolation(support: Vector, local: Vector) -> Vector:
     """Rows from values at the support to those at local points: the same for all states of a trajectory."""
     if support.size * local.size > _LARGEST_KEPT:
-        return lagrange_matrix(support, barycentric_weights(support), local)
+        return lagrange_matrix(support, _weights(support.tobytes()), local)
     return _kept_interpolation(support.tobytes(), local.tobytes())
 
 
 @lru_cache(maxsize=16)
 def _kept_interpolation(support: bytes, local: bytes) -> Vector:
-    points = np.frombuffer(support)
-    return lagrange_matrix(points, barycentric_weights(points), np.frombuffer(local))
+    return lagrange_matrix(np.frombuffer(support), _weights(support), np.frombuffer(local))
 
 
 @lru_cache(maxsize=16)
 def _differentiation(support: bytes) -> Vector:
-    points = np.frombuffer(support)
-    return differentiation_matrix(points, barycentric_weights(points))
+    return differentiation_matrix(np.frombuffer(support), _weights(support))
+
+
+@lru_cache(maxsize=64)
+def _weights(support: bytes) -> Vector:
+    return barycentric_weights(np.frombuffer(support))
 
 
 @dataclass(frozen=True)
@@ -211,6 +217,11 @@ class _Alike:
     segments: NDArray[np.intp]
     support: Vector
     values: Vector
+
+    @cached_property
+    def constant(self) -> bool:
+        """Whether the values are the same along every segment, as those of a control on its bounds."""
+        return bool((self.values == self.values[:, :1]).all())
 
     def derivative(self, order: int, widths: Vector) -> Vector:
         """Values of the derivative with respect to tau at the support."""

@@ -9,10 +9,11 @@ from typing import Any
 from solvers.meshes import adaptive_mesh_of
 from solvers.problem import OptimalControlProblem
 from solvers.refine.adaptive import Adapted, adapt
-from solvers.refine.switching import Refinement, is_refinable, refine_switching
+from solvers.refine.switching import Refinement, is_refinable, refine_switching, resume_switching
 from solvers.session import Session, Solved
 from solvers.spec import Adaptivity, AutoMethod, Method, SplineAdaptivity, SplineWaveletMethod
 from solvers.switching import find_switching
+from solvers.trajectory import Trajectory
 from solvers.verify import Verification
 
 # The highest level to which the automatic choice refines: 500,000 intervals where they are needed.
@@ -58,9 +59,9 @@ class Improved:
             return find_switching(problem, self.solved.trajectory)
         return self.refinement.switching(problem)
 
-    def certified(self, problem: OptimalControlProblem, verification: Verification) -> Verification:
+    def certified(self, verification: Verification) -> Verification:
         """The verification with what else a refined answer must show."""
-        return verification if self.refinement is None else self.refinement.certified(problem, verification)
+        return verification if self.refinement is None else self.refinement.certified(verification)
 
 
 def first_method(method: Method) -> Method:
@@ -71,6 +72,17 @@ def first_method(method: Method) -> Method:
 def wants_more(method: Method) -> bool:
     """Whether a first answer is not the last one."""
     return isinstance(method, AutoMethod) or method.adaptivity is not None or method.refinement is not None
+
+
+def resume(session: Session, method: Method, earlier: Trajectory | None) -> Improved | None:
+    """The answer that the structure of an earlier one leads to, where the method asks for a structure.
+
+    None where none is asked for or it leads to none. Raises whatever the progress of the session raises.
+    """
+    if earlier is None or not (isinstance(method, AutoMethod) or method.refinement is not None):
+        return None
+    refinement = resume_switching(session, earlier)
+    return None if refinement is None else Improved(refinement.solved, refinement=refinement)
 
 
 def improve(session: Session, method: Method, first: Solved, span: float) -> Improved:

@@ -12,7 +12,7 @@ from solvers.diagnosis import diagnose, sentence
 from solvers.errors import DocumentError, Fault
 from solvers.first_answer import first_answers
 from solvers.genetic.solve import solve_by_genes
-from solvers.improve import first_method, improve, wants_more
+from solvers.improve import first_method, improve, resume, wants_more
 from solvers.judgement import judge, verified
 from solvers.meshes import meshes_of
 from solvers.model_report import model_report
@@ -66,9 +66,14 @@ def solve(
         return solution
     method = first_method(spec.method)
     span = _FIRST_SPAN if wants_more(spec.method) else 1.0
-    answers = first_answers(session, meshes_of(method), spec.options.starts, earlier, span)
-    answers[0], diagnosis = diagnose(session, spec.problem, answers[0], span)
-    improved = improve(session, spec.method, answers[0], span)
+    diagnosis: list[dict[str, Any]] = []
+    improved = resume(session, spec.method, earlier)
+    if improved is None:
+        answers = first_answers(session, meshes_of(method), spec.options.starts, earlier, span)
+        answers[0], diagnosis = diagnose(session, spec.problem, answers[0], span)
+        improved = improve(session, spec.method, answers[0], span)
+    else:
+        answers = [improved.solved]
     solved = improved.solved
     costates = solved.transcription.costates(solved.trajectory, solved.outcome.row_multipliers)
     plants = [
@@ -85,7 +90,7 @@ def solve(
         hamiltonian_drift=hamiltonian_drift(solved.weighted_problem, solved.trajectory, costates),
         mesh_error_estimate=mesh_error_estimate(problem, solved.trajectory),
     )
-    verification = improved.certified(problem, verification)
+    verification = improved.certified(verification)
     plants[0] = replace(plants[0], verification=verification)
     status, message = judge(
         spec, leading.problem, trajectory, solved.outcome.status, verification, others=plants[1:]

@@ -194,7 +194,7 @@ def _verified(spec: JobSpec, session: Session, answer: _Answer, residual: float)
         return verification
     weighted = answer.improved.solved.weighted_problem
     drift = hamiltonian_drift(weighted, answer.trajectory, answer.costates)
-    return answer.improved.certified(problem, replace(verification, hamiltonian_drift=drift))
+    return answer.improved.certified(replace(verification, hamiltonian_drift=drift))
 
 
 def _no_costates(trajectory: Trajectory) -> Vector:

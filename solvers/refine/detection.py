@@ -26,11 +26,12 @@ _SHORTEST_STRETCH = 4
 
 
 def find_structure(
-    problem: OptimalControlProblem, trajectory: Trajectory, costates: Callable[[], Vector]
+    problem: OptimalControlProblem, trajectory: Trajectory, costates: Callable[[], Vector] | None = None
 ) -> Structure:
     """Read arcs off an answer: from its controls, from their switching functions, from limits that it meets.
 
-    ``costates`` gives those of the answer; they are asked for only where a control is inside its bounds.
+    ``costates`` gives those of the answer; they are asked for only where a control is inside its bounds. An
+    answer whose structure was refined needs none: its controls do not chatter.
     """
     controls = _control_pieces(problem, trajectory, costates)
     stretches = _stretches(problem, trajectory)
@@ -50,14 +51,14 @@ def find_structure(
 
 
 def _control_pieces(
-    problem: OptimalControlProblem, trajectory: Trajectory, costates: Callable[[], Vector]
+    problem: OptimalControlProblem, trajectory: Trajectory, costates: Callable[[], Vector] | None
 ) -> dict[str, Pieces]:
     """Where each control rests on which bound."""
     tau, strengths, found = trajectory.nodes, None, {}
     for index, (name, bounds) in enumerate(zip(problem.controls, problem.control_bounds, strict=True)):
         values = trajectory.controls[name](tau)
         arcs = control_arcs(values, bounds)
-        if len(arcs) > 1 and inside(values, bounds).sum() >= SHORTEST_INTERIOR:
+        if costates and len(arcs) > 1 and inside(values, bounds).sum() >= SHORTEST_INTERIOR:
             if strengths is None:
                 strengths = _strengths(switching_functions(problem, trajectory, costates()))
             arcs = control_arcs(values, bounds, strengths[index])

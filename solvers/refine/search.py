@@ -47,7 +47,7 @@ _FIRM = 0.02
 _ROUNDS = 16
 # Where the arcs that were found reach no target: a mesh of so many segments and nodes, next time of twice as
 # many.
-_LOOKS = 2
+LOOKS = 2
 _LOOK_SEGMENTS = 16
 _LOOK_NODES = 8
 # An arc is cut where the sign is wrong by more than this, and by more than the error of the states.
@@ -79,7 +79,7 @@ class Search:
     """Goes from structure to structure; keeps the patterns that it has tried and the best that it found."""
 
     session: Session
-    first: Solved
+    start: Trajectory
     tried: set[Hashable] = field(default_factory=set)
     best: Refined | None = None
     stopped: SolveStatus | None = None
@@ -87,7 +87,7 @@ class Search:
 
     def run(self, structure: Structure) -> str:
         """Search from ``structure``; returns why it ended."""
-        problem, start, settled = self.session.problem, self.first.trajectory, False
+        problem, start, settled = self.session.problem, self.start, False
         mesh = self._first_mesh(start, structure)
         for round_ in range(_ROUNDS):
             solved = (
@@ -133,7 +133,7 @@ class Search:
 
         A mesh does not see arcs shorter than its intervals, and bang arcs that are too few reach no target.
         """
-        if self.looks == _LOOKS:
+        if self.looks == LOOKS:
             return None
         segments = _LOOK_SEGMENTS << self.looks
         self.looks += 1

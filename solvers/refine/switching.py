@@ -9,18 +9,23 @@ allow it; otherwise the first one stays, with the reason.
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
+from solvers.limits import limits_of
 from solvers.problem import OptimalControlProblem
 from solvers.quantities import WHOLE_SPAN
-from solvers.refine.residual import arc_errors, mesh_error_estimate
-from solvers.refine.search import PROGRAM_TOLERANCE, WRONG_SIGN, Refined, Search, structure_of
+from solvers.refine.detection import find_structure
+from solvers.refine.residual import arc_errors
+from solvers.refine.search import LOOKS, PROGRAM_TOLERANCE, WRONG_SIGN, Refined, Search, structure_of
+from solvers.refine.structure import Structure
 from solvers.session import Session, Solved
 from solvers.switching import find_switching
-from solvers.verify import Check, Verification
+from solvers.trajectory import Trajectory
+from solvers.verify import Check, Verification, dense
 
 ACCEPTABLE = 1e-7
 """What the error of the states between nodes may be where more nodes do not help, relative to scales."""
@@ -63,18 +68,14 @@ class Refinement:
             return find_switching(problem, self.solved.trajectory)
         return self.refined.structure.switching(problem, self.solved.trajectory)
 
-    def certified(self, problem: OptimalControlProblem, verification: Verification) -> Verification:
+    def certified(self, verification: Verification) -> Verification:
         """The verification with what else a refined answer must show: its signs, its Hamiltonian."""
         if self.refined is None:
             return verification
         checks = [Check("switching_sign", self.refined.wrong_sign, WRONG_SIGN)]
         if verification.hamiltonian_drift is not None:
             checks.append(Check("hamiltonian_drift", verification.hamiltonian_drift, DRIFT))
-        return replace(
-            verification,
-            checks=(*verification.checks, *checks),
-            mesh_error_estimate=mesh_error_estimate(problem, self.solved.trajectory),
-        )
+        return replace(verification, checks=(*verification.checks, *checks))
 
 
 def is_refinable(problem: OptimalControlProblem) -> bool:
@@ -93,20 +94,54 @@ def refine_switching(session: Session, first: Solved) -> Refinement:
 
     Raises whatever the progress of the session raises.
     """
+    search, reason = _searched(session, first.trajectory, lambda: structure_of(first))
+    return _judged(session.problem, first, search, reason)
+
+
+def resume_switching(session: Session, earlier: Trajectory) -> Refinement | None:
+    """The refined answer to which the structure of an earlier one leads; None where it leads to none.
+
+    Signs, bounds and errors are judged as ever, so that a structure that has changed is seen. Raises whatever
+    the progress of the session raises.
+    """
+    problem = session.problem
+    if not is_refinable(problem) or (tuple(earlier.states), tuple(earlier.controls)) != (
+        problem.states,
+        problem.controls,
+    ):
+        return None
+    search, reason = _searched(session, earlier, lambda: find_structure(problem, earlier), looks=LOOKS)
+    best = search.best
+    if best is None or best.error > ACCEPTABLE or search.stopped is not None:
+        return None
+    trajectory = best.solved.trajectory
+    tau = dense(trajectory.breakpoints)
+    for limit in limits_of(problem):
+        room = limit.room(problem, trajectory, tau)
+        # One that was not met before is not among the arcs: it is seen by who solves a mesh.
+        if room.min() < -ACCEPTABLE * max(float(np.ptp(room)), 1e-6):
+            return None
+    return Refinement(best.solved, best, reason)
+
+
+def _searched(
+    session: Session, start: Trajectory, structure: Callable[[], Structure], looks: int = 0
+) -> tuple[Search, str]:
+    """A search that has come to its end, and why it did; ``looks``: how many of its closer looks are gone."""
     started = time.perf_counter()
     inner = replace(
         session, tolerance=min(session.tolerance, PROGRAM_TOLERANCE), seconds={"build": 0.0, "solve": 0.0}
     )
-    search = Search(inner, first)
-    reason = search.run(structure_of(first))
+    search = Search(inner, start, looks=looks)
+    reason = search.run(structure())
     session.iterations = inner.iterations
-    session.seconds["refine"] = time.perf_counter() - started
-    return _judged(session.problem, search, reason)
+    session.seconds["refine"] += time.perf_counter() - started
+    return search, reason
 
 
-def _judged(problem: OptimalControlProblem, search: Search, reason: str) -> Refinement:
+def _judged(problem: OptimalControlProblem, first: Solved, search: Search, reason: str) -> Refinement:
     """The best that was found, if it may replace the first answer."""
-    first, best = search.first, search.best
+    best = search.best
     if best is not None and search.stopped is None:
         if best.error > ACCEPTABLE:
             reason = f"the states between nodes are wrong by {best.error:.1e}; {reason}"

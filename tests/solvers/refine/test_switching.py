@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from typing import Any
 
 import numpy as np
@@ -207,3 +208,53 @@ def test_the_control_returned_flies_to_the_target_by_itself() -> None:
     for arc in range(model.arcs):
         state = model.integrate(state, np.array([arc])).ends
     np.testing.assert_allclose(state[:, 0], [np.pi / 6, 0, 0, 0], rtol=0, atol=1e-9)
+
+
+def resumed(document: dict[str, Any], earlier: Trajectory) -> Solution:
+    """Solve from an earlier answer, as it comes back from its result."""
+    document = {**document, "warm_start": "01a22022-d193-7d62-9f31-f11c2ab70755"}
+    return solve(check_document(document), None, earlier)
+
+
+def read_back(solution: Solution) -> Trajectory:
+    return Trajectory.from_result(json.loads(json.dumps(solution.result())))
+
+
+@pytest.mark.parametrize("stiffness", [101, 110, 80])
+def test_a_neighbour_is_solved_from_the_structure_alone(stiffness: float) -> None:
+    document = load_case("flexible_spacecraft")
+    document["method"] = {"name": "swcm", "J": 4, "refine": "switching"}
+    earlier = read_back(solve(check_document(document)))
+    document["problem"]["model"]["parameters"]["k"] = stiffness
+    cold, warm = solve(check_document(document)), resumed(document, earlier)
+    assert warm.success
+    assert warm.objective == pytest.approx(cold.objective, abs=1e-9)
+    assert warm.switching["T"]["times"] == pytest.approx(cold.switching["T"]["times"], abs=1e-6)
+    assert len(warm.convergence) == 1
+    assert warm.statistics.iterations < cold.statistics.iterations / 2
+
+
+def bryson_denham(limit: float) -> dict[str, Any]:
+    document = load_case("bryson_denham")
+    document["problem"]["bounds"]["x"] = [None, limit]
+    document["method"] = {"name": "swcm", "refine": "switching"}
+    return document
+
+
+@pytest.mark.parametrize(
+    ("limit", "objective"),
+    [(1 / 8, 32 / 9), (1 / 5, 2 + 6 * (1 - 4 / 5) ** 2), (1 / 3, 2.0), (1 / 20, 80 / 9)],
+    ids=["followed for less long", "only touched", "never met", "followed for longer"],
+)
+def test_a_structure_that_has_changed_is_seen(limit: float, objective: float) -> None:
+    """A limit of 1/9 is followed, one of 1/5 touched, one of 1/3 never met (Bryson, Ho 1975, 3.11)."""
+    warm = resumed(bryson_denham(limit), read_back(solve(check_document(bryson_denham(1 / 9)))))
+    assert warm.success, warm.message
+    assert warm.objective == pytest.approx(objective, abs=1e-9)
+
+
+def test_an_answer_in_other_names_is_a_start_and_no_structure() -> None:
+    document = load_case("rigid_body")
+    document["method"] = {"name": "swcm", "refine": "switching"}
+    earlier = solve(check_document(bryson_denham(1 / 9))).trajectory
+    assert resumed(document, earlier).objective == pytest.approx(2.0, abs=1e-10)
