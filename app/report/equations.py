@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
+from functools import reduce
+from operator import add
 
 from markupsafe import Markup
 
@@ -62,7 +64,10 @@ def model_blocks(model: SubmittedModel) -> list[Block]:
 
 def problem_blocks(problem: ProblemSpec) -> Iterator[Block]:
     """Objective, constraints, integrals and outputs."""
-    yield Block("Objective", lines=[_objective(problem)])
+    terms = list(_objective_terms(problem))
+    if terms:
+        least = Formula('<mi>min</mi><mspace width="0.3em"/><mi>J</mi>')
+        yield Block("Objective", lines=[equation(least, reduce(add, terms))])
     ends = [
         equation(*_between(formula(item.expression), item.bounds)) for item in problem.boundary_constraints
     ]
@@ -134,20 +139,14 @@ def _first_order(model: FirstOrderModel) -> Iterator[Markup]:
         yield equation(_D * name(state) / (_D * name("t")), formula(rate))
 
 
-def _objective(problem: ProblemSpec) -> Markup:
+def _objective_terms(problem: ProblemSpec) -> Iterator[Formula]:
     given = problem.objective
-    terms = []
     if given.terminal is not None:
-        terms.append(formula(given.terminal))
+        yield formula(given.terminal)
     if given.running is not None:
-        terms.append(integral(formula(given.running)))
+        yield integral(formula(given.running))
     if given.maximum is not None:
-        over_time = Formula("<munder><mi>max</mi><mi>t</mi></munder>")
-        terms.append(over_time * formula(given.maximum))
-    total = terms[0]
-    for term in terms[1:]:
-        total += term
-    return equation(Formula("<mi>min</mi><mspace width='0.3em'/><mi>J</mi>"), total)
+        yield Formula("<munder><mi>max</mi><mi>t</mi></munder>") * formula(given.maximum)
 
 
 def _between(middle: Formula, bound: BoundValue) -> tuple[Formula, Formula, str]:

@@ -63,7 +63,8 @@ class Formula:
         return Formula(f"<msup><mrow>{base}</mrow><mrow>{other.xml}</mrow></msup>", POWER)
 
     def __neg__(self) -> Formula:
-        return Formula(f"<mo>&minus;</mo>{self.at_least(PRODUCT, first=False)}", PRODUCT, True)
+        minus = '<mo form="prefix">&minus;</mo>'
+        return Formula(f"{minus}{self.at_least(PRODUCT, first=False)}", PRODUCT, True)
 
 
 def formula(value: str | float) -> Formula:

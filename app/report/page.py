@@ -5,12 +5,13 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from functools import cache
 from typing import TYPE_CHECKING, Any
 
 from markupsafe import Markup
 
-from app.report.equations import model_blocks, problem_blocks
+from app.report.equations import Block, model_blocks, problem_blocks
 from app.report.tables import (
     answer_tables,
     figure,
@@ -20,7 +21,7 @@ from app.report.tables import (
     verification_tables,
 )
 from solvers.plot import render_parts, units_of, with_unit
-from solvers.spec import JobSpec, check_document
+from solvers.spec import JobSpec, PiecewiseMethod, check_document
 
 if TYPE_CHECKING:
     from jinja2 import Template
@@ -49,11 +50,20 @@ def write_report(
         result=result,
         verdict=_verdict(result, job),
         summary=list(_summary(spec, result, job, units)),
-        blocks=[*model_blocks(spec.problem.submitted_model), *problem_blocks(spec.problem)],
+        blocks=list(_blocks(spec)),
         problem_tables=list(problem_tables(spec.problem, units)),
         document=text if len(text) <= _LONGEST_DOCUMENT else None,
         **({} if result is None else _of_result(spec, result, units)),
     )
+
+
+def _blocks(spec: JobSpec) -> Iterator[Block]:
+    """The equations: of the problem, and of the plant where another one is flown."""
+    yield from model_blocks(spec.problem.submitted_model)
+    yield from problem_blocks(spec.problem)
+    if isinstance(spec.method, PiecewiseMethod) and spec.method.plant is not None:
+        for block in model_blocks(spec.method.plant.model):
+            yield replace(block, title=f"Plant: {block.title}")
 
 
 def _of_result(spec: JobSpec, result: Mapping[str, Any], units: Mapping[str, str]) -> dict[str, Any]:
@@ -80,15 +90,15 @@ def _template() -> Template:
     return environment.get_template("report.html.jinja")
 
 
-def _verdict(result: Mapping[str, Any] | None, job: Mapping[str, Any] | None) -> tuple[str, str]:
-    """A class of the style sheet, and the sentence on top."""
+def _verdict(result: Mapping[str, Any] | None, job: Mapping[str, Any] | None) -> tuple[str, str, str]:
+    """A class of the style sheet, and what stands on top: the verdict and its reason."""
     if result is None:
-        error = (job or {}).get("error") or {}
-        status = (job or {}).get("status", "failed")
-        return "bad", f"{status}: {error.get('detail') or 'there is no result'}"
+        job = job or {}
+        reason = (job.get("error") or {}).get("detail") or "There is no result."
+        return "bad", f"Not solved: {job.get('status', 'failed')}", reason
     if result["success"]:
-        return "good", f"Solved and verified. {result['message']}"
-    return "bad", f"Not solved ({result['status'].replace('_', ' ')}). {result['message']}"
+        return "good", "Solved and verified", result["message"]
+    return "bad", f"Not solved: {result['status'].replace('_', ' ')}", result["message"]
 
 
 def _summary(

@@ -11,7 +11,8 @@ from markupsafe import Markup
 from app.report.equations import bound_text
 from app.report.mathml import inline, name
 from solvers.models import LIBRARY
-from solvers.spec import LibraryReference, ProblemSpec
+from solvers.plot import with_unit
+from solvers.spec import BoundValue, LibraryReference, ProblemSpec, ScenarioSpec
 
 Result = Mapping[str, Any]
 
@@ -86,10 +87,34 @@ def _problem_tables(problem: ProblemSpec, units: Mapping[str, str]) -> Iterator[
     ]
     yield Table("Time", ("", "value or interval"), times)
     yield from _parameters(problem)
+    if problem.scenarios is not None:
+        rows = [(case.name, _differences(case)) for case in problem.scenarios.cases]
+        choice = f"objective: {problem.scenarios.choice}"
+        yield Table(f"Plants under one command, {choice}", ("plant", "what differs"), rows)
+
+
+def _differences(case: ScenarioSpec) -> Markup:
+    parts: list[tuple[str, Mapping[str, BoundValue]]] = [
+        ("", case.parameters),
+        (" at the start", case.initial_state),
+        (" at the end", case.final_state),
+        (" in between", case.bounds),
+    ]
+    return Markup(", ").join(
+        Markup("{} = {}{}").format(symbol(key), bound_text(value), where)
+        for where, values in parts
+        for key, value in values.items()
+    )
 
 
 def answer_tables(result: Result, units: Mapping[str, str]) -> Iterator[Table]:
     """What was found: outputs, integrals, design, switching, the other plants, the command, segments."""
+    rows: Sequence[Sequence[str]]
+    if len(result["phases"]) > 1:
+        rows = [
+            (phase["name"], figure(phase["t0"], 10), figure(phase["tf"], 10)) for phase in result["phases"]
+        ]
+        yield Table("Phases", ("phase", "from", "to"), rows)
     if result.get("design"):
         rows = [(symbol(key), figure(value, 10)) for key, value in result["design"].items()]
         yield Table("Design parameters", ("parameter", "value"), rows)
@@ -107,10 +132,10 @@ def answer_tables(result: Result, units: Mapping[str, str]) -> Iterator[Table]:
         ]
         yield Table("Extremes of the outputs", ("output", "unit", "smallest", "at", "largest", "at"), cells)
     for control, found in result.get("switching", {}).items():
-        arcs = _arcs(found, result["phases"][0])
+        arcs = _arcs(found, result["phases"])
         yield Table(
             f"Arcs of the control {control}",
-            ("arc", "from", "to", "at", f"level {units.get(control, '')}"),
+            ("arc", "from", "to", "at", with_unit("level", {"level": units.get(control, "")})),
             arcs,
         )
     yield from _flown_tables(result)
@@ -281,8 +306,8 @@ def _end(ends: Mapping[str, Any], state: str) -> Any:
     return ends.get(state, ends.get("*"))
 
 
-def _arcs(found: Mapping[str, Any], phase: Mapping[str, Any]) -> list[tuple[str, ...]]:
-    times = [phase["t0"], *found["times"], phase["tf"]]
+def _arcs(found: Mapping[str, Any], phases: Sequence[Mapping[str, Any]]) -> list[tuple[str, ...]]:
+    times = [phases[0]["t0"], *found["times"], phases[-1]["tf"]]
     return [
         (str(index + 1), figure(times[index], 10), figure(times[index + 1], 10), kind, figure(level))
         for index, (kind, level) in enumerate(zip(found["arcs"], found["levels"], strict=True))

@@ -5,6 +5,8 @@ from __future__ import annotations
 import copy
 import json
 import re
+import subprocess
+import sys
 import zlib
 from collections.abc import Callable
 from html.parser import HTMLParser
@@ -26,7 +28,8 @@ from tests.solvers.piecewise.documents import PENDULUM
 from worker.records import JobStatus
 
 Make = Callable[..., str]
-CASES = sorted((Path(__file__).parents[3] / "solvers" / "cases").glob("*.json"))
+ROOT = Path(__file__).parents[3]
+CASES = sorted((ROOT / "solvers" / "cases").glob("*.json"))
 VOID = frozenset({"meta", "br", "mspace", "use", "path"})
 RIGID_BODY: dict[str, Any] = {
     "name": "Rigid body",
@@ -127,6 +130,7 @@ def test_a_mission_in_segments() -> None:
     page, result = report_of(PENDULUM)
     assert "Segments" in page.text
     assert f"{result['segments'][2]['tf']:.6g}" in page.text
+    assert "Plant: Equations of motion" in page.text
 
 
 def test_several_plants_a_command_and_everything_else() -> None:
@@ -139,7 +143,9 @@ def test_several_plants_a_command_and_everything_else() -> None:
         "boundary_constraints": [{"expression": "x_f - x_0", "bounds": [0.5, 1.5]}],
     }
     document["output"] = {"command": {"period": 0.1}, "coast": 2}
-    page, _ = report_of(document)
+    page, result = report_of(document)
+    assert "m = 1.05" in page.text
+    assert f"{result['command']['verification']['states']['x']['error']:.3g}" in page.text
     for words in ("Plants under this command", "heavy", "Command", "Coasting", "soft", "Integrals", "power"):
         assert words in page.text, words
 
@@ -148,7 +154,7 @@ def test_several_plants_a_command_and_everything_else() -> None:
 def test_every_case_can_be_written_down(case: Path) -> None:
     page = page_of(write_report(json.loads(case.read_text()), None))
     assert page.tags.count("math") >= 4
-    assert "there is no result" in page.text
+    assert "There is no result" in page.text
 
 
 def test_names_are_text_whatever_they_say(solved: bytes) -> None:
@@ -174,21 +180,28 @@ def test_over_http(client: httpx.Client, job: Make, solved: bytes, diverged: byt
     assert "Solved and verified" in page.text
     assert done["id"] in page.text
     # Also of an iterate that has no finite number, and of a job that has no iterate.
-    for content, words in ((diverged, "States, in their own units"), (None, "failed: there is no result")):
+    for content, words in ((diverged, "States, in their own units"), (None, "Not solved: failed")):
         failed = client.get(f"/v1/jobs/{job(JobStatus.FAILED, content)}/report.html")
         assert words in page_of(failed.text).text
     problem(client.get(f"/v1/jobs/{job()}/report.html"), 409, "not-ready")
 
 
+def test_the_commands_of_the_guide(tmp_path: Path) -> None:
+    guide = (ROOT / "docs" / "reports.md").read_text()
+    (commands,) = re.findall(r"^```sh\n(.*?)^```$", guide, re.MULTILINE | re.DOTALL)
+    script = f'ondelette() {{ "{sys.executable}" -m app.cli "$@"; }}\n{commands}'
+    subprocess.run(["bash", "-ec", script], cwd=tmp_path, check=True, capture_output=True)
+    page = page_of((tmp_path / "fall.html").read_text())
+    assert "Solved and verified" in page.text
+    assert "Brachistochrone" in page.text
+
+
 def test_on_the_command_line(tmp_path: Path, solved: bytes) -> None:
     result = json.loads(zlib.decompress(solved))
-    (tmp_path / "result.json").write_text(json.dumps(result))
     (tmp_path / "bundle.zip").write_bytes(pack(json.dumps(FLEXIBLE_SPACECRAFT).encode(), {}, result, []))
-    for name in ("result.json", "bundle.zip"):
-        out = tmp_path / "report.html"
-        run = CliRunner().invoke(main, ["report", str(tmp_path / name), "-o", str(out)])
-        assert run.exit_code == 0, run.output
-        assert "Solved and verified" in page_of(out.read_text()).text
+    run = CliRunner().invoke(main, ["report", str(tmp_path / "bundle.zip")])
+    assert run.exit_code == 0, run.output
+    assert "Solved and verified" in page_of(run.stdout).text
     (tmp_path / "other.json").write_text("[]")
     run = CliRunner().invoke(main, ["report", str(tmp_path / "other.json")])
     assert run.exit_code == 2
