@@ -10,7 +10,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from solvers.expressions import NUMPY_FUNCTIONS
+from solvers.expressions import LOOKUP, NUMPY_FUNCTIONS
 
 
 class Backend(Protocol):
@@ -26,13 +26,19 @@ class Backend(Protocol):
         ...
 
 
+_FUNCTIONS: Mapping[str, Callable[..., Any]] = {
+    **NUMPY_FUNCTIONS,
+    LOOKUP: lambda table, argument: table(argument),
+}
+
+
 class NumpyBackend:
     """Values are floats or arrays of one shape (K,): one number for each place."""
 
     @property
     def functions(self) -> Mapping[str, Callable[..., Any]]:
-        """NumPy's functions by the names of the expression language."""
-        return NUMPY_FUNCTIONS
+        """NumPy's functions by the names of the expression language; data tables look up by themselves."""
+        return _FUNCTIONS
 
     def solve(self, matrix: Sequence[Sequence[Any]], right: Sequence[Any]) -> list[Any]:
         """Solve K systems at once; a singular one yields NaN at its place."""

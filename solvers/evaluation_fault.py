@@ -34,7 +34,7 @@ def find_evaluation_fault(
         if bad.size:
             where = ", ".join(
                 f"{name} = {float(np.broadcast_to(scope[name], tau.shape)[bad[0]]):.6g}"
-                for name in sorted(expression.names - set(problem.parameters))
+                for name in sorted(expression.names - expression.called - set(problem.parameters))
             )
             detail = f"'{expression.text}' has no finite value at t = {times[bad[0]]:.6g}"
             return Fault(pointer, f"{detail} ({where})" if where else detail)

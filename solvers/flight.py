@@ -19,6 +19,7 @@ from scipy.integrate import solve_ivp
 from solvers.arrays.rates import Rates
 from solvers.errors import OndeletteError
 from solvers.problem import OptimalControlProblem
+from solvers.time_knots import flight_corners
 from solvers.trajectory import Trajectory
 
 Vector = NDArray[np.float64]
@@ -74,7 +75,9 @@ class ControlledModel:
         integrands = [problem.running_cost, *(item.expression for item in problem.integrals)]
         self._rates = Rates(problem, problem.parameters_of(trajectory), integrands)
         self.bounds = np.array(problem.control_bounds, np.float64).reshape(-1, 2)
-        self.breakpoints = np.union1d(trajectory.breakpoints, self._crossings())
+        self.breakpoints = np.union1d(
+            trajectory.breakpoints, np.append(self._crossings(), self._table_corners(problem))
+        )
 
     @property
     def arcs(self) -> int:
@@ -214,10 +217,17 @@ class ControlledModel:
                         same = (sign * curve(middle) > limit) == side
                         low, high = np.where(same, middle, low), np.where(same, high, middle)
                     found.append(0.5 * (low + high))
-        crossings = np.concatenate(found)
-        nearest = np.min(np.abs(crossings[:, None] - breaks[None, :]), axis=1, initial=1.0)
-        corners: Vector = crossings[nearest > 1e-10]
-        return corners
+        return self._apart(np.concatenate(found))
+
+    def _table_corners(self, problem: OptimalControlProblem) -> Vector:
+        """Where data tables over time have corners that are no breakpoints already."""
+        return self._apart(flight_corners(problem, self._trajectory))
+
+    def _apart(self, places: Vector) -> Vector:
+        """Those of these normalised times that are no breakpoints of the trajectory."""
+        nearest = np.min(np.abs(places[:, None] - self._trajectory.breakpoints), axis=1, initial=1.0)
+        apart: Vector = places[nearest > 1e-10]
+        return apart
 
 
 def _accumulate(slopes: Vector, gaps: Vector) -> Vector:

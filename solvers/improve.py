@@ -96,7 +96,9 @@ def improve(session: Session, method: Method, first: Solved, span: float) -> Imp
         return _automatically(session, method, first, span)
     improved = Improved(first)
     if method.adaptivity is not None:
-        adapted = adapt(session, adaptive_mesh_of(method), method.adaptivity.tolerance, first, span)
+        adapted = adapt(
+            session, adaptive_mesh_of(method, session.problem), method.adaptivity.tolerance, first, span
+        )
         improved = Improved(adapted.solved, adapted, method.adaptivity)
     if method.refinement is not None and improved.solved.converged:
         refinement = refine_switching(session, improved.solved)
@@ -111,6 +113,6 @@ def _automatically(session: Session, method: AutoMethod, first: Solved, span: fl
         if refinement.refined is not None or refinement.solved.stopped:
             return Improved(refinement.solved, refinement=refinement)
     adaptivity = SplineAdaptivity(tolerance=method.accuracy, max_level=_AUTOMATIC_LEVEL)
-    mesh = adaptive_mesh_of(SplineWaveletMethod(name="swcm", adaptive=adaptivity))
+    mesh = adaptive_mesh_of(SplineWaveletMethod(name="swcm", adaptive=adaptivity), session.problem)
     adapted = adapt(session, mesh, method.accuracy, first, span)
     return Improved(adapted.solved, adapted, adaptivity)

@@ -180,9 +180,10 @@ def _split(expression: Expression) -> tuple[Instruction, list[Expression]]:
 
 def _part(expression: Expression, start: int, stop: int) -> Expression:
     program = expression.program[start:stop]
-    names = {payload: 0 for code, payload in program if code == Code.NAME}
+    names = {payload: 0 for code, payload in program if code in (Code.NAME, Code.LOOKUP)}
     operations = sum(code not in (Code.NAME, Code.NUMBER) for code, _ in program)
-    return Expression(f"{expression.text} [{start}:{stop}]", names, operations, program)
+    called = expression.called & names.keys()
+    return Expression(f"{expression.text} [{start}:{stop}]", names, operations, program, called)
 
 
 def _along_the_guess(problem: OptimalControlProblem, expression: Expression) -> Vector:

@@ -4,10 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
-import numpy as np
-
-from solvers.bases.graded import GradedKnots
 from solvers.guess import Start
+from solvers.mesh_points import gauss_mesh, interval_mesh, spline_mesh
 from solvers.problem import OptimalControlProblem
 from solvers.refine.adaptive import AdaptiveMesh
 from solvers.refine.adaptive_gauss import GaussMesh
@@ -46,26 +44,28 @@ def meshes_of(method: Method) -> Sequence[Mesh]:
                 levels += range(finest - _LEVEL_STRIDE, _COARSEST_LEVEL - 1, -_LEVEL_STRIDE)
             return [_splines(length, level, adapts=method.adaptive is not None) for level in sorted(levels)]
         case GaussPseudospectralMethod(nodes=nodes, segments=segments):
-            breaks = np.linspace(0.0, 1.0, segments + 1)
-            return [lambda p, s, start: GaussPseudospectral(p, s, start, breaks, (nodes,) * segments)]
+            return [lambda p, s, start: GaussPseudospectral(p, s, start, *gauss_mesh(p, nodes, segments))]
         case HermiteSimpsonMethod(intervals=intervals):
-            knots = np.linspace(0.0, 1.0, intervals + 1)
-            return [lambda p, s, start: HermiteSimpson(p, s, start, knots)]
+            return [lambda p, s, start: HermiteSimpson(p, s, start, interval_mesh(p, intervals))]
     raise TypeError(f"no transcription for the method {method!r}")
 
 
 def _splines(length: int, level: int, *, adapts: bool) -> Mesh:
-    knots = GradedKnots.uniform(length, level)
-    return lambda problem, scaling, start: SplineWavelet(problem, scaling, start, knots, adaptive=adapts)
+    def mesh(problem: OptimalControlProblem, scaling: Scaling, start: Start) -> Transcription:
+        knots = spline_mesh(problem, length, level)
+        graded = knots.finest > level
+        return SplineWavelet(problem, scaling, start, knots, adaptive=adapts or graded)
+
+    return mesh
 
 
-def adaptive_mesh_of(method: Method) -> AdaptiveMesh:
+def adaptive_mesh_of(method: Method, problem: OptimalControlProblem) -> AdaptiveMesh:
     """The finest mesh of :func:`meshes_of`, as one that knows how to become a better one."""
     match method:
         case SplineWaveletMethod(L=length, first_level=level, adaptive=SplineAdaptivity(max_level=highest)):
-            return SplineMesh(GradedKnots.uniform(length, level), highest)
+            return SplineMesh(spline_mesh(problem, length, level), highest)
         case GaussPseudospectralMethod(nodes=nodes, segments=segments):
-            return GaussMesh(np.linspace(0.0, 1.0, segments + 1), (nodes,) * segments)
+            return GaussMesh(*gauss_mesh(problem, nodes, segments))
         case HermiteSimpsonMethod(intervals=intervals):
-            return IntervalMesh(np.linspace(0.0, 1.0, intervals + 1))
+            return IntervalMesh(interval_mesh(problem, intervals))
     raise TypeError(f"no adaptive mesh for the method {method!r}")

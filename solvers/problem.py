@@ -91,8 +91,13 @@ class OptimalControlProblem:
             controls=model.controls,
             parameters=parameters,
             dynamics=Dynamics.from_model(model),
+            # Tables first, for definitions may call them.
             # What follows from a design parameter is worth what that is worth at the end.
-            definitions={**designed, **definitions_of(spec.submitted_model, model)},
+            definitions={
+                **spec.tables(),
+                **designed,
+                **definitions_of(spec.submitted_model, model),
+            },
             initial_time=initial_time,
             final_time=final_time,
             initial_state=initial_state,

@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from solvers.data_table import DataTable
 from solvers.dynamics import Body, Dynamics
 from solvers.expressions import Expression, combined, named, parse, product, renamed, total
 from solvers.implied_ends import relaxed_ends
@@ -22,6 +23,7 @@ from solvers.models import Formula
 from solvers.problem import OptimalControlProblem
 from solvers.quantities import FREE, Constraint, DesignParameter, Integral, NamedQuantity
 from solvers.spec import ProblemSpec, ScenarioSpec
+from solvers.time_knots import corner_warnings
 from solvers.trajectory import Trajectory
 
 NOMINAL = "nominal"
@@ -79,6 +81,7 @@ class Formulation:
             }
             for pointer, text in corners(self.problem)
         ]
+        found += corner_warnings(self.problem)
         if not self.implied:
             return found
         detail = (
@@ -218,6 +221,8 @@ def _renamed_problem(
 
 
 def _formula(formula: Formula, names: Mapping[str, str]) -> Formula:
+    if isinstance(formula, DataTable):
+        return formula  # its numbers are those of the case already
     if isinstance(formula, Expression):
         return renamed(formula, names)
     return _RenamedFormula(formula, dict(names)) if formula.names & names.keys() else formula

@@ -39,13 +39,18 @@ def sensitivity(spec: ProblemSpec, solved: Solved) -> dict[str, float | None]:
     """dJ*/dy by JSON pointer for every parameter of the model and every bound and end of a converged answer.
 
     A bound is one number or a side of an interval; None where the derivative is no finite number. What is
-    optimised itself, and parameters that follow from that, have none.
+    optimised itself, and parameters that follow from that, have none. Nor has a parameter that a data table
+    names, for the table's numbers are built into the program.
     """
     parameters = solved.transcription.problem.parameters
     lagrangian = _Lagrangian(solved)
     here = lagrangian(solved.transcription.problem)
+    built_in = {name for table in spec.tables().values() for name in table.names}
     found: dict[str, float | None] = {}
     for place, value in _numbers(spec, parameters):
+        if place[0] == "model" and place[-1] in built_in:
+            found["/problem/" + "/".join(map(str, place))] = None
+            continue
         number = evaluate_constant(value, parameters)
         step = _STEP * (abs(number) or 1.0)
 

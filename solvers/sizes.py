@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from solvers.bases.legendre import legendre_gauss
 from solvers.genetic.basis import basis_of
+from solvers.mesh_points import gauss_mesh, interval_mesh, spline_mesh
 from solvers.piecewise.driven import driven_states
 from solvers.piecewise.plan import Plan
 from solvers.problem import OptimalControlProblem
@@ -24,6 +25,7 @@ from solvers.spec import (
     PiecewiseMethod,
     SplineWaveletMethod,
 )
+from solvers.time_knots import LONGEST_MOMENT
 
 Vector = NDArray[np.float64]
 
@@ -66,30 +68,34 @@ def _mesh_size(spec: JobSpec) -> ProblemSize:
     n, m = len(problem.states), len(problem.controls)
     match spec.method:
         case GaussPseudospectralMethod(nodes=nodes, segments=segments):
-            states, controls = segments * (nodes + 1) + 1, segments * nodes
+            breaks, counts = gauss_mesh(problem, nodes, segments)
+            controls = sum(counts)
+            states = controls + len(counts) + 1
             ends = [*problem.initial_control, *problem.final_control] if nodes > 1 else []
             size = _size(
                 problem,
                 n * states + m * controls,
                 n * (states - 1) + sum(bool(np.isfinite(end).any()) for end in ends),
-                lambda: _gauss_points(nodes, segments),
+                lambda: _gauss_points(breaks, counts),
                 states,
             )
-            return _timed(size, 2e-9 * nodes**3 * segments * n**2)
+            return _timed(size, 2e-9 * sum(count**3 for count in counts) * n**2)
         case HermiteSimpsonMethod(intervals=intervals):
-            nodes = 2 * intervals + 1
-            points = np.linspace(0.0, 1.0, nodes)
-            rows = (2 * n + len(problem.rated)) * intervals
+            knots = interval_mesh(problem, intervals)
+            nodes, count = 2 * knots.size - 1, knots.size - 1
+            points = np.sort(np.concatenate([knots, (knots[1:] + knots[:-1]) / 2.0]))
+            moments = int(np.sum(np.diff(knots) < LONGEST_MOMENT))
+            rows = (2 * n + len(problem.rated)) * count + (m - len(problem.rated)) * moments
             return _timed(_size(problem, (n + m) * nodes, rows, lambda: points, nodes), 0.0)
         case SplineWaveletMethod(L=length, first_level=level):
-            return _spline_size(problem, length << level)
+            return _spline_size(problem, spline_mesh(problem, length, level).knots)
         case PiecewiseMethod():
             return _mission_size(problem, spec.method)
         case GeneticMethod() as method:
             return _genetic_size(problem, method)
         case AutoMethod():
             default = SplineWaveletMethod(name="swcm")
-            return _spline_size(problem, default.L << default.J)
+            return _spline_size(problem, spline_mesh(problem, default.L, default.J).knots)
     raise TypeError(f"no size for the method {spec.method!r}")
 
 
@@ -125,14 +131,16 @@ def _genetic_size(problem: OptimalControlProblem, method: GeneticMethod) -> Prob
     return replace(size, seconds=seconds + size.seconds)
 
 
-def _gauss_points(nodes: int, segments: int) -> Vector:
-    points, _ = legendre_gauss(nodes)
-    return ((np.arange(segments)[:, None] + (points + 1.0) / 2.0) / segments).ravel()
+def _gauss_points(breaks: Vector, counts: Sequence[int]) -> Vector:
+    pieces = zip(breaks[:-1], np.diff(breaks), counts, strict=True)
+    return np.concatenate(
+        [start + width * (legendre_gauss(count)[0] + 1.0) / 2.0 for start, width, count in pieces]
+    )
 
 
-def _spline_size(problem: OptimalControlProblem, intervals: int) -> ProblemSize:
+def _spline_size(problem: OptimalControlProblem, knots: Vector) -> ProblemSize:
     n, m, ramps = len(problem.states), len(problem.controls), len(problem.rated)
-    knots = np.linspace(0.0, 1.0, intervals + 1)
+    intervals = knots.size - 1
     splines, points = problem.dynamics.coordinates, knots
     if not splines:
         splines, points = n - ramps, np.concatenate([[0.0], (knots[1:] + knots[:-1]) / 2.0, [1.0]])

@@ -7,6 +7,37 @@ from typing import Any
 
 import casadi as ca
 
+from solvers.data_table import DataTable
+from solvers.expressions import LOOKUP
+
+
+def look_up(table: DataTable, argument: Any) -> ca.SX:
+    """The value of a data table, with exact derivatives: a tree of choices gives the numbers of the piece.
+
+    All choices are evaluated whatever the argument is, about 20 operations for each point of the table.
+    """
+    argument = ca.SX(argument)
+    below = [argument < float(edge) for edge in table.breaks]
+
+    def chosen(numbers: Sequence[float], first: int = 0) -> ca.SX:
+        """The number of the piece, of which the breaks before ``first`` are known to lie to the left."""
+        if len(set(numbers)) == 1:  # NaN is equal to nothing but itself here
+            return ca.SX(numbers[0])
+        middle = len(numbers) // 2
+        return ca.if_else(
+            below[first + middle - 1],
+            chosen(numbers[:middle], first),
+            chosen(numbers[middle:], first + middle),
+        )
+
+    distance = argument - chosen(table.origins.tolist())
+    highest, *others = table.coefficients.tolist()
+    value = chosen(highest)
+    for row in others:
+        value = value * distance + chosen(row)
+    return value
+
+
 FUNCTIONS: Mapping[str, Callable[..., Any]] = {
     "sin": ca.sin,
     "cos": ca.cos,
@@ -25,6 +56,7 @@ FUNCTIONS: Mapping[str, Callable[..., Any]] = {
     "sign": ca.sign,
     "min": ca.fmin,
     "max": ca.fmax,
+    LOOKUP: look_up,
 }
 
 

@@ -13,7 +13,8 @@ from typing import Any
 
 import numpy as np
 
-from solvers.expressions import NUMPY_FUNCTIONS
+from solvers.data_table import DataTable
+from solvers.expressions import LOOKUP, NUMPY_FUNCTIONS
 
 Operands = tuple[int, ...]
 
@@ -35,12 +36,20 @@ LARGEST_CHAIN = 4
 
 @dataclass(frozen=True, slots=True)
 class Node:
-    """An operation on earlier nodes; an input by ``name``; or a constant: neither operands nor name."""
+    """An operation on earlier nodes; an input by ``name``; or a constant: neither operands nor name.
+
+    A lookup (one operand) has its ``table``.
+    """
 
     operation: str
     operands: Operands = ()
     name: str = ""
     value: float = 0.0
+    table: DataTable | None = None
+
+    def __call__(self, *operands: Any) -> Any:
+        """The value of an operation for values of its operands."""
+        return OPERATIONS[self.operation](*operands) if self.table is None else self.table(*operands)
 
 
 @dataclass
@@ -75,6 +84,13 @@ class Graph:
         if operation in COMMUTATIVE:
             places = tuple(sorted(places))
         return self._symbol(Node(operation, places))
+
+    def look_up(self, table: DataTable, argument: Symbol) -> Symbol:
+        """The value that a data table gives."""
+        node = self.nodes[argument.place]
+        if node.operation == "constant":
+            return self.constant(float(table(node.value)))
+        return self._symbol(Node(LOOKUP, (argument.place,), table=table))
 
     def is_constant(self, symbol: Symbol, value: float) -> bool:
         """Whether a symbol is this number."""
@@ -198,7 +214,9 @@ class GraphBackend:
     @property
     def functions(self) -> Mapping[str, Callable[..., Any]]:
         """The functions of the expression language over symbols and numbers."""
-        return {name: self._function(name) for name in NUMPY_FUNCTIONS}
+        functions: dict[str, Callable[..., Any]] = {name: self._function(name) for name in NUMPY_FUNCTIONS}
+        functions[LOOKUP] = lambda table, value: self.graph.look_up(table, self.graph.symbol(value))
+        return functions
 
     def _function(self, name: str) -> Callable[..., Symbol]:
         return lambda *values: self.graph.apply(name, *[self.graph.symbol(value) for value in values])

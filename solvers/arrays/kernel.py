@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from solvers.arrays.graph import OPERATIONS, Graph, Symbol, needed
+from solvers.data_table import DataTable
 
 Vector = NDArray[np.float64]
 logger = logging.getLogger(__name__)
@@ -64,6 +65,10 @@ def _steps(
             target = wanted.get(place)
             if target is None:
                 target = free.pop() if free else np.empty(results.shape[1])
+            if node.table is not None:
+                steps.append((partial(_look_up, node.table), (*operands, target)))
+                held[place] = target
+                continue
             operation = OPERATIONS[node.operation]
             if node.operation in _NAMED_OUTPUT:
                 steps.append((partial(operation, out=target), operands))
@@ -77,6 +82,10 @@ def _steps(
         if not np.shares_memory(results[row], held[symbol.place])
     ]
     return steps + copies
+
+
+def _look_up(table: DataTable, arguments: Vector, target: Vector) -> None:
+    target[:] = table(arguments)
 
 
 class Kernel(Protocol):
@@ -120,6 +129,8 @@ class Kernels:
     ) -> None:
         self._outputs, self._names = list(outputs), list(names)
         self._make = make or fastest_kernel()
+        if any(node.table is not None for symbol in outputs[:1] for node in symbol.graph.nodes):
+            self._make = NumpyKernel  # the compiled loop knows no tables
         self._made: dict[int, Kernel] = {}
 
     def at(self, places: int) -> Kernel:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping, Sequence
 from math import inf
 
-from solvers.arrays.graph import OPERATIONS, Graph, Symbol, needed
+from solvers.arrays.graph import Graph, Symbol, needed
 
 
 def dependences(graph: Graph) -> list[frozenset[str]]:
@@ -70,5 +70,5 @@ def value_at(symbol: Symbol, inputs: Mapping[str, float]) -> float:
         elif node.operation == "constant":
             values[place] = node.value
         else:
-            values[place] = float(OPERATIONS[node.operation](*[values[below] for below in node.operands]))
+            values[place] = float(node(*[values[below] for below in node.operands]))
     return values[symbol.place]

@@ -11,10 +11,12 @@ from solvers.expressions.parser import (
     MAX_OPERATIONS,
     ExpressionLimitError,
     parse,
+    unknown_function,
 )
 from solvers.expressions.vocabulary import (
     CONSTANTS,
     FUNCTIONS,
+    LOOKUP,
     NUMPY_FUNCTIONS,
     RESERVED,
     did_you_mean,
@@ -24,6 +26,7 @@ from solvers.expressions.vocabulary import (
 __all__ = [
     "CONSTANTS",
     "FUNCTIONS",
+    "LOOKUP",
     "MAX_CHARACTERS",
     "MAX_DEPTH",
     "MAX_OPERATIONS",
@@ -41,4 +44,5 @@ __all__ = [
     "quoted",
     "renamed",
     "total",
+    "unknown_function",
 ]

@@ -16,6 +16,7 @@ def combined(mark: str, left: Expression, right: Expression) -> Expression:
         {**right.positions, **left.positions},
         left.operations + right.operations + 1,
         (*left.program, *right.program, instruction(mark)),
+        left.called | right.called,
     )
 
 
@@ -41,6 +42,7 @@ def positive_part(expression: Expression) -> Expression:
         expression.positions,
         expression.operations + 1,
         ((Code.NUMBER, 0.0), *expression.program, (Code.PAIR, "max")),
+        expression.called,
     )
 
 
@@ -49,9 +51,10 @@ def renamed(expression: Expression, names: Mapping[str, str]) -> Expression:
     if not expression.names & names.keys():
         return expression
     program = tuple(
-        (code, names.get(payload, payload)) if code == Code.NAME else (code, payload)
+        (code, names.get(payload, payload)) if code in (Code.NAME, Code.LOOKUP) else (code, payload)
         for code, payload in expression.program
     )
     positions = {names.get(name, name): place for name, place in expression.positions.items()}
     changes = ", ".join(f"{name}: {names[name]}" for name in expression.positions if name in names)
-    return Expression(f"{expression.text} {{{changes}}}", positions, expression.operations, program)
+    called = frozenset(names.get(name, name) for name in expression.called)
+    return Expression(f"{expression.text} {{{changes}}}", positions, expression.operations, program, called)

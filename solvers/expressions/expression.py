@@ -21,6 +21,7 @@ class Code(IntEnum):
     NEGATE = 3  # change the sign: nothing
     CALL = 4  # apply a function of one argument: its name
     PAIR = 5  # apply a function of two arguments: its name
+    LOOKUP = 6  # replace a value by what a data table gives for it: the name of the table
 
 
 Instruction = tuple[Code, Any]
@@ -40,12 +41,15 @@ class Expression:
         Number of operators and function calls (``min`` of three arguments counts two).
     program:
         Instructions in postfix order.
+    called:
+        Those of its names that it calls: they must be data tables.
     """
 
     text: str
     positions: Mapping[str, int]
     operations: int
     program: tuple[Instruction, ...]
+    called: frozenset[str] = frozenset()
 
     @property
     def names(self) -> frozenset[str]:
@@ -62,9 +66,10 @@ class Expression:
         """Return the value of the expression.
 
         ``values`` gives each name a float, a NumPy array (arrays broadcast) or a symbol of a computer
-        algebra backend, ``functions`` each function name a callable of one or two arguments over the same
-        things. Floats follow IEEE 754: 1/0 is inf, (-8)^(1/3) is nan; nothing is ever complex. NumPy may
-        warn of such operations: wrap the call in ``numpy.errstate`` to be rid of it.
+        algebra backend, each name that is called a callable, ``functions`` each function name a callable of
+        one or two arguments over the same things. Floats follow IEEE 754: 1/0 is inf, (-8)^(1/3) is nan;
+        nothing is ever complex. NumPy may warn of such operations: wrap the call in ``numpy.errstate`` to be
+        rid of it.
 
         Raises KeyError for a name without a value.
         """
@@ -82,9 +87,11 @@ class Expression:
                 stack[-1] = -stack[-1]
             elif code == 4:
                 stack[-1] = functions[payload](stack[-1])
-            else:
+            elif code == 5:
                 right = pop()
                 stack[-1] = functions[payload](stack[-1], right)
+            else:
+                stack[-1] = values[payload](stack[-1])
         return stack[0]
 
 

@@ -11,7 +11,7 @@ import operator
 import re
 from collections.abc import Callable
 from functools import lru_cache
-from typing import Any, NoReturn
+from typing import Any
 
 from solvers.errors import ExpressionError
 from solvers.expressions.expression import Code, Expression, Instruction, divide, power
@@ -20,6 +20,11 @@ from solvers.expressions.vocabulary import ARITY, CONSTANTS, FUNCTIONS, did_you_
 MAX_CHARACTERS = 4096
 MAX_DEPTH = 64
 MAX_OPERATIONS = 2000
+
+
+def unknown_function(name: str) -> str:
+    """Return the sentence about a name that is called and is neither a function nor a data table."""
+    return f"unknown function {quoted(name)} (a product needs its '*'){did_you_mean(name, sorted(FUNCTIONS))}"
 
 
 class ExpressionLimitError(ExpressionError):
@@ -70,8 +75,8 @@ def parse(text: str | float) -> Expression:
 
     Grammar: decimal numbers with or without exponent, names ``[A-Za-z][A-Za-z0-9_]*``, ``+ - * /``, ``^``
     or ``**`` (right associative, stronger than the sign: ``-a^2`` is ``-(a^2)``; ``2^-1`` is 1/2), unary
-    minus, parentheses and calls of the known functions. At most 4,096 characters, 64 levels deep, 2,000
-    operations.
+    minus, parentheses, calls of the known functions, and of data tables with one argument. At most 4,096
+    characters, 64 levels deep, 2,000 operations.
 
     Raises ExpressionError with the position of what is wrong. Whether the names mean anything is for the
     caller to decide (`Expression.undefined`).
@@ -121,6 +126,7 @@ class _Parser:
         self.operations = 0
         self.positions: dict[str, int] = {}
         self.program: list[Instruction] = []
+        self.called: set[str] = set()
 
     def run(self) -> Expression:
         if self.tokens[0][0] == "end":
@@ -133,7 +139,9 @@ class _Parser:
             raise ExpressionError("',' separates arguments of a function; the decimal sign is '.'", position)
         if kind != "end":
             raise ExpressionError(f"an operator is missing before {quoted(found)}", position)
-        return Expression(self.text, self.positions, self.operations, tuple(self.program))
+        return Expression(
+            self.text, self.positions, self.operations, tuple(self.program), frozenset(self.called)
+        )
 
     def expression(self, weakest: int) -> None:
         """Read operands joined by operators at least as strong as ``weakest``."""
@@ -188,16 +196,24 @@ class _Parser:
                 raise ExpressionError(f"the function {quoted(name)} needs its arguments in ( )", position)
             self.call(name, position)
         elif called:
-            self.unknown_function(name, position)
+            self.lookup(name, position)
         elif name in CONSTANTS:
             self.program.append((Code.NUMBER, CONSTANTS[name]))
         else:
             self.positions.setdefault(name, position)
             self.program.append((Code.NAME, name))
 
-    def unknown_function(self, name: str, position: int) -> NoReturn:
-        hint = did_you_mean(name, sorted(FUNCTIONS))
-        raise ExpressionError(f"unknown function {quoted(name)} (a product needs its '*'){hint}", position)
+    def lookup(self, name: str, position: int) -> None:
+        """Read the call of what can only be a data table; whether there is one is for the caller to say."""
+        bracket = self.tokens[self.index][2]
+        self.index += 1
+        self.nested(0, position)
+        if self.tokens[self.index][1] == ",":
+            raise ExpressionError(f"{unknown_function(name)}; a data table takes 1 argument", position)
+        self.close(bracket)
+        self.positions.setdefault(name, position)
+        self.called.add(name)
+        self.emit((Code.LOOKUP, name), position)
 
     def call(self, name: str, position: int) -> None:
         least, most = ARITY[name]

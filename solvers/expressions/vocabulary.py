@@ -45,6 +45,9 @@ NUMPY_FUNCTIONS: Mapping[str, Callable[..., Any]] = {
 CONSTANTS: Mapping[str, float] = {"pi": math.pi, "deg": math.pi / 180, "rpm": math.pi / 30}
 """Constants: ``deg`` turns degrees into rad, ``rpm`` revolutions per minute into rad/s."""
 
+LOOKUP = "(lookup)"
+"""Beside the functions of a backend: what looks a value up in a data table; no document can name it."""
+
 RESERVED = FUNCTIONS | CONSTANTS.keys() | {"t", "t0", "tf"}
 """Names that no state, control or parameter may have."""
 

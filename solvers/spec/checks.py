@@ -9,7 +9,7 @@ from collections.abc import Collection
 from typing import Any, TypeGuard
 
 from solvers.errors import ExpressionError
-from solvers.expressions import Expression, ExpressionLimitError, parse, quoted
+from solvers.expressions import Code, Expression, ExpressionLimitError, parse, quoted, unknown_function
 from solvers.spec.faults import Flaws, Path, kind_of
 from solvers.spec.scope import Scope
 from solvers.spec.values import FREE, Interval, evaluate_constant, is_finite
@@ -44,6 +44,8 @@ def check_expression(
         return
     if scope.known or place == "constant":
         _check_names(expression, place, scope, flaws, path, without)
+        if expression.called or scope.table_names:
+            _check_calls(expression, scope, flaws, path)
         size = scope.expanded(expression) if scope.definition_sizes else 0
         if size > MAX_EXPANDED:
             detail = f"limit: {size:,} operations with definitions written out, at most {MAX_EXPANDED:,}"
@@ -70,7 +72,9 @@ def _check_names(
         names = names.difference(without)
     for name in expression.undefined(names):
         where = f" (at character {expression.positions[name] + 1})"
-        if name in without:
+        if name in expression.called and name not in scope.model_names:
+            flaws.add(f"{unknown_function(name)}{where}", *path)
+        elif name in without:
             flaws.add(f"{quoted(name)} comes later; a definition may use earlier ones only{where}", *path)
         elif place == "path" and name in scope.rate_names:
             flaws.add(f"{quoted(name)} is known only where control_rates bounds the rate{where}", *path)
@@ -83,10 +87,19 @@ def _check_names(
             flaws.add(f"unknown name {quoted(name)}{scope.suggest(name, names)}{where}", *path)
 
 
+def _check_calls(expression: Expression, scope: Scope, flaws: Flaws, path: Path) -> None:
+    """Data tables are called, nothing else is."""
+    for name in expression.called & (scope.model_names - scope.table_names):
+        flaws.add(f"{quoted(name)} is no data table: it cannot be called; a product needs its '*'", *path)
+    plain = {payload for code, payload in expression.program if code == Code.NAME}
+    for name in plain & scope.table_names:
+        flaws.add(f"{quoted(name)} is a data table: call it with one argument, as in {name}(t)", *path)
+
+
 _ADVICE = {
     "constant": "a value is a number or an expression in parameters and constants",
     "parameter": "the names here are parameters and constants",
-    "model": "the names of a model are its states, controls, parameters, definitions and t",
+    "model": "the names of a model are its states, controls, parameters, definitions, data tables and t",
     "path": "along the trajectory the names are those of the model, <coordinate>_ddot, <rated control>_dot",
     "boundary": (
         "at the ends the names are <state>_0, <state>_f, likewise of controls, <output>_f, integrals, "

@@ -17,6 +17,7 @@ from solvers.errors import ExpressionError
 from solvers.expressions import RESERVED, parse, quoted
 from solvers.models import LIBRARY
 from solvers.spec.checks import check_bound, check_constant
+from solvers.spec.data import check_data
 from solvers.spec.faults import Flaws, Path
 from solvers.spec.matrices import MatrixOf, matrix_rows
 from solvers.spec.modal_checks import check_modal
@@ -49,6 +50,7 @@ def cross_check(scope: Scope) -> Flaws:
     _check_ends(scope, flaws)
     _check_control_ends(scope, flaws)
     _check_design(scope, flaws)
+    check_data(scope, flaws)
     _check_guess(scope, flaws)
     check_support(scope, flaws)
     check_cases(scope, flaws)
@@ -119,6 +121,8 @@ def _declared(scope: Scope) -> Iterator[tuple[str, str, Path]]:
     for key in ("parameters", "definitions"):
         for name in mapping(model.get(key)):
             yield name, key[:-1], ("problem", "model", key, name)
+    for name in mapping(scope.problem.get("data")):
+        yield name, "data table", ("problem", "data", name)
     for key in ("outputs", "integrals"):
         items = scope.problem.get(key)
         for index, item in enumerate(items if isinstance(items, list) else ()):
@@ -211,6 +215,12 @@ def _check_design(scope: Scope, flaws: Flaws) -> None:
         if scope.known and name not in scope.parameter_names:
             detail = f"the model has no parameter {quoted(name)}{scope.suggest(name, scope.parameter_names)}"
             flaws.add(detail, "problem", "design", name)
+        elif scope.computed_names:
+            # What is computed has the numbers of its parameters built in: it would not follow the design.
+            detail = (
+                "unsupported: design parameters of a model with computed quantities are not in this version"
+            )
+            flaws.add(detail, "problem", "design", name, type="unsupported")
         bound, guess = _interval(scope, mapping(item).get("bounds")), mapping(item).get("guess")
         value = None if guess is None else check_constant(guess, scope, Flaws())
         if bound is not None and value is not None and not bound[0] <= value <= bound[1]:

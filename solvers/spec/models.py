@@ -101,8 +101,8 @@ class ModalModel(_Equations, ModalEquations):
     kind: Literal["modal"]
     """The kind of model."""
 
-    def expand(self) -> MechanicalModel:
-        """Return the mechanical model with coordinates (axes, modes)."""
+    def expand(self, tables: Collection[str] = ()) -> MechanicalModel:
+        """Return the mechanical model with coordinates (axes, modes); it may call data ``tables``."""
         modes = [mode.name for mode in self.modes]
         document = {
             "kind": "mechanical",
@@ -113,7 +113,7 @@ class ModalModel(_Equations, ModalEquations):
             "flexible": modes,
             **self.matrices(len(self.controls)),
         }
-        scope = Scope({}, {}, document)
+        scope = Scope({}, {}, document, table_names=frozenset(tables))
         read_model(scope)
         return MechanicalModel.model_validate(document, context=scope)
 
@@ -153,9 +153,14 @@ _EQUATIONS: TypeAdapter[MechanicalModel | FirstOrderModel] = TypeAdapter(
 )
 
 
-def written_out(submitted: SubmittedModel) -> MechanicalModel | FirstOrderModel:
-    """Return a model by its equations: those of a library or modal model written out."""
-    return submitted.expand() if isinstance(submitted, LibraryReference | ModalModel) else submitted
+def written_out(submitted: SubmittedModel, tables: Collection[str] = ()) -> MechanicalModel | FirstOrderModel:
+    """Return a model by its equations: those of a library or modal model written out.
+
+    ``tables``: the names of the data tables of the problem, which its expressions may call.
+    """
+    if isinstance(submitted, ModalModel):
+        return submitted.expand(tables)
+    return submitted.expand() if isinstance(submitted, LibraryReference) else submitted
 
 
 def definitions_of(submitted: SubmittedModel, model: MechanicalModel | FirstOrderModel) -> dict[str, Formula]:

@@ -7,7 +7,9 @@ from typing import Annotated, Any, Self
 
 from pydantic import Field, model_validator
 
+from solvers.data_table import DataTable
 from solvers.spec.base import SpecModel
+from solvers.spec.data import DataTableSpec
 from solvers.spec.faults import refuse
 from solvers.spec.fields import (
     Bound,
@@ -188,8 +190,8 @@ class ProblemSpec(SpecModel):
     """Parameter of the model -> its bounds; it is optimised too."""
     outputs: Annotated[list[NamedOutput], at_most(200, "outputs")] = Field(default_factory=list)
     """Expressions that are sampled and drawn with states and controls."""
-    data: Annotated[None, Unsupported("data tables are")] = None
-    """Tables over time; not in this version."""
+    data: dict[str, DataTableSpec] = Field(default_factory=dict)
+    """Name -> points of a curve; expressions along the trajectory call it, as in ``Td(t)``."""
     scenarios: Scenarios | None = None
     """One command for several plants."""
     phases: Annotated[None, Unsupported("phases are")] = None
@@ -200,7 +202,12 @@ class ProblemSpec(SpecModel):
     @cached_property
     def model(self) -> MechanicalModel | FirstOrderModel:
         """The equations of motion, those of a library or modal model written out."""
-        return written_out(self.submitted_model)
+        return written_out(self.submitted_model, self.data)
+
+    def tables(self) -> dict[str, DataTable]:
+        """Return the data tables with their numbers."""
+        values = self.model.parameter_values()
+        return {name: item.table(values) for name, item in self.data.items()}
 
 
 def initial_intervals(problem: ProblemSpec) -> dict[str, Interval]:

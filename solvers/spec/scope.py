@@ -11,7 +11,15 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from solvers.errors import ExpressionError
-from solvers.expressions import Code, Expression, ExpressionLimitError, did_you_mean, parse, quoted
+from solvers.expressions import (
+    Code,
+    Expression,
+    ExpressionLimitError,
+    did_you_mean,
+    parse,
+    quoted,
+    unknown_function,
+)
 from solvers.models import LIBRARY
 from solvers.spec.faults import Flaws, kind_of
 from solvers.spec.values import evaluate_constant
@@ -54,6 +62,7 @@ class Scope:
     output_names: frozenset[str] = frozenset()
     model_names: frozenset[str] = frozenset()
     designed: frozenset[str] = frozenset()
+    table_names: frozenset[str] = frozenset()
     integral_names: frozenset[str] = frozenset()
     path_names: frozenset[str] = frozenset()
     boundary_names: frozenset[str] = frozenset()
@@ -116,6 +125,7 @@ def read_model(scope: Scope) -> None:
     table = mapping(model.get("parameters"))
     scope.parameter_names = frozenset(table)
     _read_parameters(scope, table)
+    scope.table_names |= frozenset(mapping(scope.problem.get("data")))
     scope.designed = _designed(table, mapping(scope.problem.get("design")))
     kind = model.get("kind")
     if kind in ("mechanical", "modal"):
@@ -147,6 +157,7 @@ def _read_names(scope: Scope) -> None:
     scope.output_names = frozenset(outputs)
     scope.rate_names = accelerations.union(f"{u}_dot" for u in scope.controls)
     scope.model_names = scope.parameter_names.union(scope.states, scope.controls, ("t",), definitions)
+    scope.model_names |= scope.table_names
     rated = mapping(scope.problem.get("control_rates"))
     scope.rated = tuple(name for name in scope.controls if name in rated)
     scope.path_names = scope.model_names.union(accelerations, (f"{u}_dot" for u in scope.rated))
@@ -215,13 +226,15 @@ def _read_parameter(scope: Scope, name: str, value: float | str, earlier: set[st
     flaws = scope.parameter_flaws
     try:
         expression = parse(value)
-        for other in expression.undefined(earlier):
+        for other in expression.called:
+            flaws.add(unknown_function(other), name)
+        for other in expression.undefined(earlier | expression.called):
             where = f" (at character {expression.positions[other] + 1})"
             if other in scope.parameter_names:
                 flaws.add(f"{quoted(other)} comes later; a parameter may use earlier ones only{where}", name)
             else:
                 flaws.add(f"unknown name {quoted(other)}{scope.suggest(other, earlier)}{where}", name)
-        if expression.names <= scope.parameters.keys():
+        if not expression.called and expression.names <= scope.parameters.keys():
             scope.parameters[name] = evaluate_constant(value, scope.parameters)
     except ExpressionError as error:
         flaws.add(str(error), name, type="limit" if isinstance(error, ExpressionLimitError) else "invalid")

@@ -15,6 +15,7 @@ _NOT_FLOWN = (
     "scenarios",
     "phases",
     "links",
+    "data",
     "design",
     "integrals",
     "control_rates",

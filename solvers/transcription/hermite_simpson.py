@@ -30,6 +30,7 @@ from scipy import sparse
 from solvers.backends import NUMPY
 from solvers.coefficients import HERMITE
 from solvers.curves import Curve, HermiteCurve, QuadraticCurve
+from solvers.time_knots import LONGEST_MOMENT
 from solvers.trajectory import Trajectory
 from solvers.transcription.base import Transcription, control_columns
 from solvers.transcription.builder import fixed
@@ -104,6 +105,7 @@ class HermiteSimpson(Transcription):
         states = [self.builder.rows_of(block, differences) for block in self.builder.blocks["states"]]
         self.add_defects(states, self.apply_rate(self.nodes()), rates)
         self.straighten_rates()
+        self.straighten_moments()
 
     def straighten_rates(self) -> None:
         """Let rates of controls be linear on each interval, so that their bounds hold inside too."""
@@ -113,6 +115,18 @@ class HermiteSimpson(Transcription):
             j = self.problem.controls.index(f"{name}_dot")
             rows = self.builder.rows_of(self.builder.blocks["controls"][j], middles)
             self.builder.constrain(fixed(0.0, 0.0), scale=self.scaling.controls[j], linear=rows)
+
+    def straighten_moments(self) -> None:
+        """Determine the middle control of an interval that is there for a jump of the model alone."""
+        moments = np.diff(self.knots) < LONGEST_MOMENT
+        if moments.any():
+            ones = np.ones(moments.size)
+            rated = {f"{name}_dot" for name in self.problem.rated}  # straight already
+            rows = self._triples(-0.5 * ones, ones, -0.5 * ones)[moments]
+            for j, control in enumerate(self.control_rows()):
+                if self.problem.controls[j] not in rated:
+                    middle = sparse.csr_array(rows @ control)
+                    self.builder.constrain(fixed(0.0, 0.0), scale=self.scaling.controls[j], linear=middle)
 
     def read(self, unknowns: Vector) -> Trajectory:
         """See :class:`Transcription`."""

@@ -340,7 +340,6 @@ UNSUPPORTED: list[tuple[dict[str, Any], str]] = [
         "/problem/initial_control/T",
     ),
     ({"/problem/final_control": {"T": 0}, "/method/refine": "switching"}, "/problem/final_control/T"),
-    ({"/problem/data": {"Td": {"x": [0, 1], "values": [0, 1]}}}, "/problem/data"),
     ({"/problem/phases": [{}]}, "/problem/phases"),
     ({"/problem/links": [{}]}, "/problem/links"),
     (
