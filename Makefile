@@ -6,6 +6,7 @@
 #   make docs    the documentation as pages, in build/docs
 #   make serve   run the service on http://127.0.0.1:8000
 #   make page    build the page at / anew, for which Node.js is needed (what it builds is in the repository)
+#   make page-pictures   the pictures of docs/page.md, for which Chromium is needed
 #   make bench   the benchmark tables
 #   make bench-ga   the tables of the genetic algorithm (about 20 minutes), and its figures
 #   make soak    a service with production values to which a thousand faults happen (about half an hour), then
@@ -17,7 +18,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt
 
-.PHONY: setup demo test check docs serve page bench bench-ga bench-peers soak clean
+.PHONY: setup demo test check docs serve page page-pictures bench bench-ga bench-peers soak clean
 
 setup: $(VENV)/.installed
 
@@ -45,6 +46,9 @@ page:
 	npm ci --prefix page --no-audit --no-fund
 	npm run --prefix page check
 	npm run --prefix page build
+
+page-pictures: $(VENV)/.installed-dev
+	@$(BIN)/python page/pictures.py
 
 bench: setup
 	@$(BIN)/ondelette bench

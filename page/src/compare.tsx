@@ -1,7 +1,7 @@
 // Several jobs laid over one another: one plot for each quantity, one table for their figures.
 import { useMemo } from "preact/hooks";
 import { getJson } from "./api";
-import { number, seconds } from "./format";
+import { figure, number, seconds } from "./format";
 import { useLoaded } from "./load";
 import { Section, Status, Trouble } from "./parts";
 import { to } from "./route";
@@ -73,11 +73,11 @@ function Figures({ compared }: { compared: Compared[] }) {
               <th scope="row"><a href={to(`/jobs/${job.id}`)}>{nameOf(job, index)}</a></th>
               <td><Status status={job.status} /></td>
               <td class={result.success ? "good" : "bad"}>{result.success ? "✓ yes" : "✕ no"}</td>
-              <td class="right">{number(result.objective, 9)}</td>
+              <td class="right">{figure(result.objective, 9)}</td>
               <td class="right">
                 {index === 0 || first === null || result.objective === null ? "–" : number(result.objective - first, 3)}
               </td>
-              <td class="right">{number(result.final_time, 9)}</td>
+              <td class="right">{figure(result.final_time, 9)}</td>
               <td class="right">{result.statistics.iterations ?? "–"}</td>
               <td class="right">{seconds(result.statistics.seconds.total)}</td>
             </tr>

@@ -1,4 +1,5 @@
 // The editor of job documents; a file of its own, for only those who start a job need it.
+import { autocompletion } from "@codemirror/autocomplete";
 import { json, jsonParseLinter } from "@codemirror/lang-json";
 import { HighlightStyle, syntaxHighlighting } from "@codemirror/language";
 import { type Diagnostic, linter, lintGutter } from "@codemirror/lint";
@@ -75,6 +76,7 @@ export function createEditor(host: HTMLElement, text: string, options: Options):
     parent: root,
     extensions: [
       basicSetup,
+      autocompletion({ icons: false }),
       json(),
       json().language.data.of({ autocomplete: completeFrom(options.schemas) }),
       explainFrom(options.schemas),

@@ -1,21 +1,23 @@
 // Numbers and times as people read them.
 import { extent } from "d3-array";
 
-/** A number with so many significant digits; exponents where they are shorter. */
+/** A number with so many significant digits, but for zeros at its end; exponents where they are shorter. */
 export function number(value: number | null | undefined, digits = 6): string {
+  return figure(value, digits).replace(/(\.\d*?)0+(?=e|$)/, "$1").replace(/\.(?=e|$)/, "");
+}
+
+/** The same with its zeros, for numbers that stand below one another. */
+export function figure(value: number | null | undefined, digits: number): string {
   if (value === null || value === undefined || !Number.isFinite(value)) return "–";
   if (value === 0) return "0";
   const size = Math.abs(value);
-  const text =
-    size >= 1e6 || size < 1e-4
-      ? value.toExponential(digits - 1).replace(/\.?0+e/, "e")
-      : value.toPrecision(digits).replace(/(\.\d*?)0+$/, "$1").replace(/\.$/, "");
-  return text.replace("-", "−").replace("e-", "e−").replace("e+", "e");
+  const text = size >= 1e6 || size < 1e-4 ? value.toExponential(digits - 1) : value.toPrecision(digits);
+  return text.replaceAll("-", "−").replace("e+", "e");
 }
 
 export function seconds(value: number | null | undefined): string {
   if (value === null || value === undefined) return "–";
-  if (value < 60) return `${number(value, 3)} s`;
+  if (value < 60) return `${figure(value, 3)} s`;
   return `${Math.floor(value / 60)} min ${Math.round(value % 60)} s`;
 }
 

@@ -12,7 +12,7 @@ import { Action, Facts, Section, Status, Trouble } from "./parts";
 import { go, to } from "./route";
 import { Trajectories } from "./trajectories";
 import type { Job, Result, Trajectory } from "./types";
-import { Verified } from "./verification";
+import { Headline, Verified } from "./verification";
 import { Wavelets } from "./wavelets";
 
 export function JobPage({ id }: { id: string }) {
@@ -52,11 +52,12 @@ function Body({ job, done, result, history, trajectory }: Known) {
   return (
     <>
       {job.error && <div class="trouble"><p>{job.error.detail || job.error.title}</p></div>}
+      {result && <Headline result={result} />}
+      {!done && <Now job={job} />}
       <div class="columns">
         <div>
-          {!done && <Running job={job} />}
-          {!done && trajectory && <Live trajectory={trajectory} />}
           {!done && <Convergence history={history} />}
+          {!done && trajectory && <Live trajectory={trajectory} />}
           {result && <Answer result={result} />}
           {result && <Wavelets result={result} />}
           {done && <Passed result={result} told={history} />}
@@ -64,8 +65,8 @@ function Body({ job, done, result, history, trajectory }: Known) {
         </div>
         <aside aria-label="Summary">
           {result && <Verified result={result} />}
-          <Summary job={job} result={result} />
           {result && <Findings result={result} />}
+          <Summary job={job} result={result} />
           {done && <Downloads job={job} result={result !== null} />}
         </aside>
       </div>
@@ -116,7 +117,8 @@ function CompareWith({ job }: { job: Job }) {
   );
 }
 
-function Running({ job }: { job: Job }) {
+/** Where a job stands that has not ended. */
+function Now({ job }: { job: Job }) {
   // The time that has passed is told anew every second.
   const tick = useSignal(0);
   useEffect(() => {
@@ -125,19 +127,19 @@ function Running({ job }: { job: Job }) {
   }, []);
   tick.value;
   const { progress } = job;
+  const done = <progress key="done" value={progress?.fraction ?? undefined} max={1} aria-label="Estimate of what is done" />;
   return (
-    <Section title="Now" id="now">
-      <progress value={progress?.fraction ?? undefined} max={1} aria-label="Estimate of what is done" />
-      <Facts
-        facts={[
-          ["stage", progress?.stage ?? (job.status === "queued" ? "waits for a worker" : "starts")],
-          ["iteration", progress?.iteration ?? "–"],
-          ["objective", number(progress?.objective, 8)],
-          ["infeasibility", number(progress?.infeasibility, 3)],
-          ["running for", between(job.started_at, job.finished_at)],
-        ]}
-      />
-    </Section>
+    <Facts
+      strip
+      facts={[
+        ["done", done],
+        ["stage", progress?.stage ?? (job.status === "queued" ? "waits for a worker" : "starts")],
+        ["iteration", progress?.iteration ?? "–"],
+        ["objective", number(progress?.objective, 9)],
+        ["infeasibility", number(progress?.infeasibility, 3)],
+        ["running for", between(job.started_at, job.finished_at)],
+      ]}
+    />
   );
 }
 

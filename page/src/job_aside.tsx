@@ -9,8 +9,9 @@ export function Summary({ job, result }: { job: Job; result: Result | null }) {
   const link = (path: string, id: string) => <a href={to(`${path}/${id}`)}>{id}</a>;
   const facts: Fact[] = [
     ["method", job.method],
+    ...(result ? sizes(result) : []),
     ["submitted", when(job.created_at)],
-    ["took", between(job.started_at, job.finished_at)],
+    ...(job.finished_at ? ([["took", between(job.started_at, job.finished_at)]] satisfies Fact[]) : []),
     ["attempts", job.attempts],
     ["id", <code key="id">{job.id}</code>],
   ];
@@ -18,20 +19,16 @@ export function Summary({ job, result }: { job: Job; result: Result | null }) {
   if (job.reused_from) facts.push(["answer of", link("/jobs", job.reused_from)]);
   return (
     <Section title="Job" id="job">
-      {result && <Facts facts={figures(result)} />}
       <Facts facts={facts} />
       <p class="tags">{job.tags.map((tag) => <a key={tag} class="tag" href={to("/", { tag })}>{tag}</a>)}</p>
     </Section>
   );
 }
 
-function figures({ objective, final_time, statistics }: Result): Fact[] {
+function sizes({ statistics: { variables, constraints, seconds: spent } }: Result): Fact[] {
   return [
-    ["objective", <b key="objective">{number(objective, 9)}</b>],
-    ["final time", number(final_time, 9)],
-    ["iterations", statistics.iterations ?? "–"],
-    ["variables, constraints", `${statistics.variables ?? "–"}, ${statistics.constraints ?? "–"}`],
-    ["solver's time", seconds(statistics.seconds.total)],
+    ["variables, constraints", `${variables ?? "–"}, ${constraints ?? "–"}`],
+    ["solver's time", seconds(spent.total)],
   ];
 }
 

@@ -98,10 +98,10 @@ export function Section(props: { title: string; id: string; children: ComponentC
 
 export type Fact = [string, ComponentChildren];
 
-/** Names and values, side by side. */
-export function Facts({ facts }: { facts: Fact[] }) {
+/** Names and values: a list, or a `strip` across the page. */
+export function Facts({ facts, strip }: { facts: Fact[]; strip?: boolean }) {
   return (
-    <dl class="facts">
+    <dl class={strip ? "strip" : "facts"}>
       {facts.map(([name, value]) => (
         <div key={name}>
           <dt>{name}</dt>

@@ -1,11 +1,13 @@
 // A plot over time (or iterations, or a parameter): curves, bounds, marks; its cursor and zoom are shared with
 // all plots of the same view. SVG, so that it prints, and follows the colours of the page.
+import { range } from "d3-array";
+import { scaleLinear } from "d3-scale";
 import { line } from "d3-shape";
 import { useSignal } from "@preact/signals";
 import { useEffect, useMemo, useRef } from "preact/hooks";
 import { number, withUnit } from "./format";
 import { Cursor, Readings, useSteering } from "./plot_cursor";
-import { type Curve, type Frame, framed, MARGIN, type PlotProps, type Scale } from "./plot_frame";
+import { type Curve, decades, type Frame, framed, MARGIN, type PlotProps, type Scale } from "./plot_frame";
 
 export function Plot(props: PlotProps) {
   const { name, unit, axis, curves, height = 168 } = props;
@@ -44,7 +46,7 @@ export function Plot(props: PlotProps) {
 }
 
 /** The width that an element has, as it changes. */
-function useWidth(box: { current: HTMLElement | null }): number {
+export function useWidth(box: { current: HTMLElement | null }): number {
   const width = useSignal(0);
   useEffect(() => {
     const observer = new ResizeObserver(([entry]) => {
@@ -57,17 +59,14 @@ function useWidth(box: { current: HTMLElement | null }): number {
 }
 
 function Axes({ frame: { x, y, width, height }, label }: { frame: Frame; label: string }) {
-  const logarithmic = "base" in y;
   const across = x.ticks(Math.max(2, Math.floor(width / 80)));
-  const up = logarithmic ? decades(y, height) : y.ticks(Math.max(2, Math.floor(height / 32)));
-  const text = logarithmic ? (tick: number) => `1e${Math.round(Math.log10(tick))}`.replace("-", "−") : y.tickFormat(up.length);
   const [left, top] = [MARGIN.left, MARGIN.top];
   return (
     <g class="plot-axes" transform={`translate(${left},${top})`}>
-      {up.map((tick) => (
+      {upward(y, height).map(([tick, text]) => (
         <g key={tick} transform={`translate(0,${y(tick)})`}>
           <line x2={width} />
-          <text x={-6} dy="0.32em" text-anchor="end">{plain(tick, text)}</text>
+          <text x={-6} dy="0.32em" text-anchor="end">{text}</text>
         </g>
       ))}
       {across.map((tick) => (
@@ -88,11 +87,17 @@ function plain(tick: number, text: (tick: number) => string): string {
   return size !== 0 && (size >= 1e6 || size < 1e-3) ? number(tick, 3) : text(tick);
 }
 
-/** Whole powers of ten that have room, and at least both ends. */
-function decades(y: Scale, height: number): number[] {
-  const [low, high] = y.domain().map((end) => Math.round(Math.log10(end))) as [number, number];
-  const step = Math.max(1, Math.ceil((high - low) / Math.max(1, Math.floor(height / 26))));
-  return Array.from({ length: Math.floor((high - low) / step) + 1 }, (_, index) => 10 ** (low + index * step));
+/** The ticks of the upward axis with their texts: on a long logarithmic axis whole powers of ten that have room. */
+function upward(y: Scale, height: number): [number, string][] {
+  const [low, high] = y.domain() as [number, number];
+  if ("base" in y && decades(low, high)) {
+    const [first, last] = [Math.ceil(Math.log10(low) - 1e-9), Math.floor(Math.log10(high) + 1e-9)];
+    const step = Math.max(1, Math.ceil((last - first) / Math.max(1, Math.floor(height / 26))));
+    return range(first, last + 1, step).map((power) => [10 ** power, `1e${power}`.replace("-", "−")]);
+  }
+  const even = scaleLinear().domain([low, high]);
+  const ticks = even.ticks(Math.max(2, Math.floor(height / 32)));
+  return ticks.map((tick) => [tick, plain(tick, even.tickFormat(ticks.length))]);
 }
 
 function Marks({ marks, bounds, active, frame: { x, y, width, height } }: PlotProps & { frame: Frame }) {

@@ -61,7 +61,9 @@ export function framed(props: PlotProps, window: [number, number], width: number
   }
   const range: [number, number] = [height, 0];
   if (props.log) {
-    return { x, y: scaleLog().domain(low === high ? [low / 2, high * 2] : [low, high]).nice().range(range), width, height };
+    const y = scaleLog().range(range);
+    // Decades, if there are some.
+    return { x, y: decades(low, high) ? y.domain([low, high]).nice() : y.domain([low / 1.2, high * 1.2]), width, height };
   }
   // What differs only by rounding is a constant.
   const pad = high - low > 1e-9 * Math.abs(high) ? 0.06 * (high - low) : 0.5 * Math.abs(high) || 1;
@@ -73,4 +75,9 @@ function visible(curve: Curve, [from, until]: [number, number], log?: boolean): 
   const { left, right } = bisector((value: number) => value);
   const inside = curve.y.slice(Math.max(0, left(curve.x, from) - 1), right(curve.x, until) + 1);
   return log ? inside.map((value) => (value !== null && value > 0 ? value : null)) : inside;
+}
+
+/** Whether an axis over these values is marked by powers of ten. */
+export function decades(low: number, high: number): boolean {
+  return high / low > 30;
 }

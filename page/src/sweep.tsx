@@ -2,7 +2,7 @@
 import { useSignal } from "@preact/signals";
 import { useMemo } from "preact/hooks";
 import { download, getJson, post } from "./api";
-import { leaf, number, seconds, span, when } from "./format";
+import { figure, leaf, number, seconds, span, when } from "./format";
 import { usePolling } from "./load";
 import { Action, Section, Status, Trouble } from "./parts";
 import { Plot } from "./plot";
@@ -55,7 +55,11 @@ function Body({ sweep, rows }: { sweep: Sweep; rows: SweepRow[] }) {
     <>
       <p class="note">
         {sweep.points} points, submitted {when(sweep.created_at)}:{" "}
-        {Object.entries(sweep.counts).map(([status, count]) => `${count} ${status}`).join(", ")}.
+        {Object.entries(sweep.counts)
+          .filter(([, count]) => count > 0)
+          .map(([status, count]) => `${count} ${status}`)
+          .join(", ")}
+        .
       </p>
       <Picture sweep={sweep} rows={rows} />
       <Points sweep={sweep} rows={rows} />
@@ -63,7 +67,7 @@ function Body({ sweep, rows }: { sweep: Sweep; rows: SweepRow[] }) {
   );
 }
 
-const FIGURES = ["objective", "final_time", "iterations"] as const;
+const DRAWN = ["objective", "final_time", "iterations"] as const;
 
 function Picture({ sweep, rows }: { sweep: Sweep; rows: SweepRow[] }) {
   const window = useSignal<[number, number] | null>(null);
@@ -73,7 +77,7 @@ function Picture({ sweep, rows }: { sweep: Sweep; rows: SweepRow[] }) {
   const log = useSignal(false);
   const over = pointer.value;
   const curves = useMemo(
-    () => (over === undefined ? [] : FIGURES.map((figure) => curvesOf(rows, over, figure))),
+    () => (over === undefined ? [] : DRAWN.map((name) => curvesOf(rows, over, name))),
     [rows, over],
   );
   if (over === undefined) return null;
@@ -100,14 +104,13 @@ function Picture({ sweep, rows }: { sweep: Sweep; rows: SweepRow[] }) {
   return (
     <Section title={`Over ${leaf(over)}`} id="picture" aside={aside}>
       <div class="plots">
-        {FIGURES.map((figure, index) => (
+        {DRAWN.map((name, index) => (
           <Plot
-            key={figure}
-            name={figure.replace("_", " ")}
+            key={name}
+            name={name.replace("_", " ")}
             axis={axis}
             curves={curves[index]!}
             dots={rows.length <= 500}
-            height={figure === "objective" ? 240 : 168}
           />
         ))}
       </div>
@@ -116,11 +119,11 @@ function Picture({ sweep, rows }: { sweep: Sweep; rows: SweepRow[] }) {
 }
 
 /** A curve for each combination of the other parameters, as many as there are styles. */
-function curvesOf(rows: SweepRow[], pointer: string, figure: (typeof FIGURES)[number]): Curve[] {
+function curvesOf(rows: SweepRow[], pointer: string, drawn: (typeof DRAWN)[number]): Curve[] {
   const groups = new Map<string, SweepRow[]>();
   for (const row of rows) {
     const others = Object.entries(row.point).filter(([name]) => name !== pointer);
-    const name = others.map(([name, value]) => `${leaf(name)} = ${JSON.stringify(value)}`).join(", ") || figure;
+    const name = others.map(([name, value]) => `${leaf(name)} = ${JSON.stringify(value)}`).join(", ") || drawn;
     groups.set(name, [...(groups.get(name) ?? []), row]);
   }
   return [...groups].slice(0, STYLES).map(([name, members], style) => {
@@ -128,7 +131,8 @@ function curvesOf(rows: SweepRow[], pointer: string, figure: (typeof FIGURES)[nu
     return {
       name,
       x: sorted.map((row) => row.point[pointer] as number),
-      y: sorted.map((row) => row[figure]),
+      // What was not verified is no answer.
+      y: sorted.map((row) => (row.verification?.passed ? row[drawn] : null)),
       style,
     };
   });
@@ -158,8 +162,8 @@ function Points({ sweep, rows }: { sweep: Sweep; rows: SweepRow[] }) {
               <tr key={row.index}>
                 {sweep.pointers.map((pointer) => <td key={pointer}>{shown(row.point[pointer])}</td>)}
                 <td><a href={to(`/jobs/${row.job}`)}><Status status={row.status} /></a></td>
-                <td class="right">{number(row.objective, 8)}</td>
-                <td class="right">{number(row.final_time, 8)}</td>
+                <td class="right">{figure(row.objective, 8)}</td>
+                <td class="right">{figure(row.final_time, 8)}</td>
                 <Verdict row={row} />
                 <td class="right">{number(row.verification?.max_state_error, 3)}</td>
                 <td class="right">{row.iterations ?? "–"}</td>

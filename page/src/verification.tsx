@@ -1,19 +1,36 @@
 // Whether the answer is what it says: in words and colours, with the numbers.
 import { number } from "./format";
-import { Section } from "./parts";
+import { Facts, Section } from "./parts";
 import type { Check, Result } from "./types";
+
+/** The verdict and the figures, in one line. */
+export function Headline({ result }: { result: Result }) {
+  const { success, objective, final_time, statistics } = result;
+  return (
+    <div class="headline">
+      <p class={`verdict ${success ? "good" : "bad"}`}>
+        <span aria-hidden="true">{success ? "✓" : "✕"}</span> {verdict(result)}
+      </p>
+      <Facts
+        strip
+        facts={[
+          ["objective", <b key="objective">{number(objective, 9)}</b>],
+          ["final time", number(final_time, 9)],
+          ["iterations", statistics.iterations ?? "–"],
+        ]}
+      />
+    </div>
+  );
+}
 
 export function Verified({ result }: { result: Result }) {
   const { verification } = result;
   const states = Object.entries(verification.states ?? {});
-  const failed = verification.checks.filter((check) => !check.passed);
+  // Of a failed job, the message stands above everything already.
+  const remarks = [result.success ? result.message : "", verification.note ?? ""].join(" ").trim();
   return (
     <Section title="Verification" id="verification">
-      <p class={`verdict ${result.success ? "good" : "bad"}`}>
-        <span aria-hidden="true">{result.success ? "✓" : "✕"}</span> {verdict(result, failed)}
-      </p>
-      {/* Of a failed job, the message stands above everything already. */}
-      <p class="note">{[result.success ? result.message : "", verification.note].join(" ")}</p>
+      {remarks && <p class="note">{remarks}</p>}
       {verification.checks.length > 0 && <Checks checks={verification.checks} />}
       {states.length > 0 && (
         <div class="scroll" tabIndex={0} role="region" aria-label="Errors of each state">
@@ -46,7 +63,8 @@ export function Verified({ result }: { result: Result }) {
   );
 }
 
-function verdict({ success, verification }: Result, failed: Check[]): string {
+function verdict({ success, verification }: Result): string {
+  const failed = verification.checks.filter((check) => !check.passed);
   const flown = verification.integrator
     ? `Flown with the original model (${verification.integrator}, tolerance ${number(verification.rtol, 1)}), `
     : "";

@@ -1,14 +1,15 @@
 // What the wavelets saw: the size of each coefficient, at its level and its time.
 import { max } from "d3-array";
 import { scaleLinear } from "d3-scale";
+import { useRef } from "preact/hooks";
 import { number } from "./format";
 import { Section } from "./parts";
+import { useWidth } from "./plot";
 import type { Result } from "./types";
 
 const ROW = 15;
 const LEFT = 34;
 const RIGHT = 64;
-const WIDTH = 560;
 /** Cells of a level that are finer than this are shown together, by the largest of them. */
 const FINEST = 512;
 const DECADES = 8;
@@ -81,20 +82,22 @@ export function Wavelets({ result }: { result: Result }) {
 }
 
 function Picture({ name, levels, from, until }: { name: string; levels: Level[]; from: number; until: number }) {
+  const box = useRef<HTMLElement>(null);
+  const width = useWidth(box);
   const largest = max(levels, (level) => level.largest) || 1;
-  const x = scaleLinear().domain([0, 1]).range([LEFT, WIDTH - RIGHT]);
+  const x = scaleLinear().domain([0, 1]).range([LEFT, Math.max(LEFT, width - RIGHT)]);
   const time = scaleLinear().domain([from, until]).range(x.range());
   const strength = (size: number) => Math.max(0, 1 + Math.log10(size / largest) / DECADES);
   const bottom = levels.length * ROW;
   const words = levels.map((level) => `${level.name} ${number(level.largest, 2)}`).join(", ");
   return (
-    <figure class="plot wavelets" data-name={name}>
+    <figure ref={box} class="plot wavelets" data-name={name}>
       <figcaption><span class="plot-name">{name}</span></figcaption>
-      <svg viewBox={`0 0 ${WIDTH} ${bottom + 18}`} role="img" aria-label={`Largest coefficient of ${name} on each level: ${words}`}>
+      <svg width={width} height={bottom + 18} role="img" aria-label={`Largest coefficient of ${name} on each level: ${words}`}>
         {levels.map((level, row) => (
           <g key={level.name} transform={`translate(0,${row * ROW})`} data-level={level.name}>
             <text x={LEFT - 6} y={ROW - 4} text-anchor="end">{level.name}</text>
-            <rect class="ground" x={LEFT} width={WIDTH - LEFT - RIGHT} height={ROW - 1} />
+            <rect class="ground" x={LEFT} width={Math.max(0, width - LEFT - RIGHT)} height={ROW - 1} />
             {level.cells.map((cell) => (
               <rect
                 key={cell.from}
@@ -105,7 +108,7 @@ function Picture({ name, levels, from, until }: { name: string; levels: Level[];
                 fill-opacity={strength(cell.size).toFixed(3)}
               />
             ))}
-            <text x={WIDTH - RIGHT + 6} y={ROW - 4}>{number(level.largest, 2)}</text>
+            <text x={width - RIGHT + 6} y={ROW - 4}>{number(level.largest, 2)}</text>
           </g>
         ))}
         {time.ticks(6).map((tick) => (

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
-import shutil
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -17,19 +15,9 @@ from playwright.sync_api import Browser, Page, expect, sync_playwright
 
 from tests.acceptance.conftest import Deployment
 from tests.bad_documents import FLEXIBLE_SPACECRAFT
+from tests.browser.chromium import ARGUMENTS, find_chromium
 from worker.settings import QueueSettings
 
-PROGRAMS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome")
-ARGUMENTS = [
-    "--headless",
-    "--no-sandbox",
-    "--disable-gpu",
-    "--disable-quic",
-    "--no-first-run",
-    "--disable-background-networking",
-    "--disable-component-update",
-    "--disable-sync",
-]
 PATIENCE = 15_000
 """How long a test waits for what it expects, in milliseconds; mostly it is there at once."""
 
@@ -38,9 +26,8 @@ expect.set_options(timeout=PATIENCE)
 
 @pytest.fixture(scope="session")
 def browser() -> Iterator[Browser]:
-    """Chromium: the one that ONDELETTE_BROWSER names, else the first one that is installed."""
-    named = os.environ.get("ONDELETTE_BROWSER")
-    found = named or next(filter(None, map(shutil.which, PROGRAMS)), None)
+    """Chromium, without which there is nothing to test."""
+    found = find_chromium()
     if found is None:
         pytest.skip("there is no Chromium here; install it, or name one in ONDELETTE_BROWSER")
     with sync_playwright() as playwright:

@@ -104,8 +104,8 @@ def test_the_list_shows_how_jobs_stand(visitor: Visitor, solved: str, submit: Ca
         expect(row).to_contain_text("running")
         row.get_by_role("link").first.click()
         # It moves by itself.
-        objective = page.locator(".facts > div", has_text="iteration").locator("dd")
-        expect(objective).to_have_text(re.compile(r"^[1-9]\d*$"))
+        iteration = page.locator(".strip > div", has_text="iteration").locator("dd")
+        expect(iteration).to_have_text(re.compile(r"^[1-9]\d*$"))
         expect(page.locator(".plot[data-name=infeasibility] circle").first).to_be_visible()
         page.get_by_role("button", name="Cancel").click()
         expect(page.get_by_role("status").filter(has_text="cancelled")).to_be_visible()
