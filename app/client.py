@@ -20,6 +20,7 @@ from typing import Any, Concatenate, ParamSpec, Self, TypeVar, Unpack
 import httpx
 
 from app import client_calls as calls
+from app import client_flights as of_flights
 from app import client_sweeps as sweeps
 from app.client_answers import (
     ClientError,
@@ -155,6 +156,8 @@ class Client:
     delete = _synchronous(calls.delete)
     cases = _synchronous(calls.cases)
     case = _synchronous(calls.case)
+    flights = _synchronous(of_flights.flights)
+    submit_flights = _synchronous(of_flights.submit_flights)
     sweep = _synchronous(sweeps.sweep)
     submit_sweep = _synchronous(sweeps.submit_sweep)
     read_sweep = _synchronous(sweeps.read_sweep)
@@ -253,6 +256,8 @@ class AsyncClient:
     delete = _asynchronous(calls.delete)
     cases = _asynchronous(calls.cases)
     case = _asynchronous(calls.case)
+    flights = _asynchronous(of_flights.flights)
+    submit_flights = _asynchronous(of_flights.submit_flights)
     sweep = _asynchronous(sweeps.sweep)
     submit_sweep = _asynchronous(sweeps.submit_sweep)
     read_sweep = _asynchronous(sweeps.read_sweep)

@@ -12,7 +12,7 @@ from app import errors, openapi
 from app.auth import Gate
 from app.middleware import BodyLimit, HostGuard, RequestContext
 from app.observed import Observed
-from app.routes import catalogue, commands, events, health, jobs, pages, reports, results, sweeps
+from app.routes import catalogue, commands, events, flights, health, jobs, pages, reports, results, sweeps
 from app.service import Service
 from app.settings import Settings
 from app.upkeep import upkeep
@@ -47,7 +47,7 @@ def create_app(settings: Settings | None = None) -> FastAPI:
         redirect_slashes=False,
     )
     app.state.service = service
-    for group in (jobs, events, results, commands, reports, sweeps, catalogue, health, pages):
+    for group in (jobs, flights, events, results, commands, reports, sweeps, catalogue, health, pages):
         app.include_router(group.router)
     errors.install(app)
     openapi.install(app)

@@ -12,6 +12,7 @@ from app.errors import PROBLEM_JSON
 from app.problems import PROBLEMS
 from solvers.catalogue import load_case
 from solvers.spec import job_schema
+from solvers.spec.flights import flights_schema
 from solvers.spec.sweep import MAX_POINTS
 
 _DEFINITIONS = "#/$defs/"
@@ -60,6 +61,30 @@ SWEEP_BODY: dict[str, Any] = {
     }
 }
 """What the route that reads a sweep adds to its description."""
+
+FLIGHTS_BODY: dict[str, Any] = {
+    "requestBody": {
+        "required": True,
+        "content": {
+            "application/json": {
+                "schema": {"$ref": f"{_SCHEMAS}FlightsDocument"},
+                "examples": {
+                    "soft_springs": {
+                        "value": {
+                            "runs": 1000,
+                            "seed": 1,
+                            "parameters": {"k": {"uniform": [90, 110]}},
+                            "initial_state": {"theta_dot": {"normal": [0, 1e-5]}},
+                            "actuator": {"T": {"lag": 0.1, "delay": 0.02}},
+                            "coast": 60,
+                        }
+                    }
+                },
+            }
+        },
+    }
+}
+"""What the route that reads a request for flights adds to its description."""
 
 _NUMBER = {"anyOf": [{"type": "number"}, {"type": "string"}]}
 _RANGE_SCHEMA: dict[str, Any] = {
@@ -134,6 +159,9 @@ def _document(app: FastAPI) -> dict[str, Any]:
     schemas = document.setdefault("components", {}).setdefault("schemas", {})
     schemas.update(job.pop("$defs", {}))
     schemas["JobDocument"] = job
+    flights = cast(dict[str, Any], _relocated(flights_schema()))
+    schemas.update(flights.pop("$defs", {}))
+    schemas["FlightsDocument"] = flights
     document["components"]["securitySchemes"] = {
         "key": {
             "type": "http",

@@ -60,6 +60,7 @@ class JobLinks(BaseModel):
     plot: str
     report: str
     bundle: str
+    flights: str
 
 
 class JobView(BaseModel):
@@ -87,6 +88,7 @@ class JobView(BaseModel):
     project: str
     submitted_by: str | None = Field(description="Id of the API key that it was submitted with.")
     sweep: str | None = Field(description="Id of the sweep that it is a point of.")
+    flights_of: str | None = Field(description="Id of the job whose answer it flies.")
     links: JobLinks
 
     @classmethod
@@ -117,6 +119,7 @@ class JobView(BaseModel):
             project=record.project,
             submitted_by=record.submitted_by,
             sweep=None if record.sweep is None else record.sweep.sweep,
+            flights_of=record.flights_of,
             links=JobLinks(
                 self=here,
                 spec=f"{here}/spec",
@@ -128,6 +131,7 @@ class JobView(BaseModel):
                 plot=f"{here}/plot.svg",
                 report=f"{here}/report.html",
                 bundle=f"{here}/bundle.zip",
+                flights=f"{here}/flights",
             ),
         )
 

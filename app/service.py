@@ -5,9 +5,9 @@ from __future__ import annotations
 import json
 import math
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from typing import Annotated, cast
+from typing import Annotated, Any, cast
 
 from fastapi import Depends, Request
 
@@ -20,6 +20,7 @@ from app.webhooks import Webhooks, read_secrets
 from solvers.errors import DocumentError, Fault
 from solvers.sizes import ProblemSize, problem_size
 from solvers.spec import JobSpec, answer_digest, check_text
+from solvers.trajectory import Trajectory
 from worker.claims import Claims
 from worker.errors import JobGone, JobNotFound, QueueUnavailable
 from worker.keys import KeyStore, digest
@@ -180,6 +181,8 @@ class Service:
         try:
             there = self.store.result(spec.warm_start) is not None
             there = there and principal.only in (None, self.store.project(spec.warm_start))
+            # Flights have no trajectory of their own.
+            there = there and self.store.get(spec.warm_start).flights_of is None
         except (JobNotFound, JobGone):
             there = False
         if not there:
@@ -187,11 +190,18 @@ class Service:
             raise DocumentError([Fault("/warm_start", detail)])
 
     def _make(self, record: JobRecord, spec: JobSpec, body: bytes) -> None:
+        self.queue_job(record, body, (lambda: self._reuse(record, spec)) if spec.reuse else None)
+
+    def queue_job(self, record: JobRecord, body: bytes, answered: Callable[[], bool] | None = None) -> None:
+        """Remember a job and put it into the queue, unless it is ``answered`` at once.
+
+        Raises QueueUnavailable, after which nothing is remembered, and ServiceError for one too many.
+        """
         self.admit(record.project, 1)
         # The record first: a worker may have the message before this process has its answer. One that is not
         # answered here, should this process end in between, is published by the reconciler.
         self.store.add(record, body)
-        if spec.reuse and self._reuse(record, spec):
+        if answered is not None and answered():
             return
         try:
             self.queue.enqueue(record)
@@ -238,6 +248,17 @@ class Service:
             raise self.not_ready(record)
         raise ServiceError("no-result", f"The job {record.status} without any iterate, so it has no result.")
 
+    def answer(self, job_id: str) -> dict[str, Any]:
+        """Return the result of a job that solved a problem; raises ServiceError as `result` does."""
+        stored: dict[str, Any] = json.loads(self.result(job_id))
+        if stored.get("kind") == "flights":
+            raise self.no_answer(stored["flights_of"])
+        return stored
+
+    def no_answer(self, source: str) -> ServiceError:
+        """Return the refusal of what only a job that solved a problem has, not one that flew ``source``."""
+        return ServiceError("no-result", f"The job flew the answer of job {source}; it has none of its own.")
+
     def not_ready(self, record: JobRecord) -> ServiceError:
         """Return the refusal of what only a final job has."""
         detail = f"The job is {record.status}; its result can be read when its status is final."
@@ -269,6 +290,19 @@ def new_record(
         submitted_by=principal.key,
         webhook=None if spec.webhook is None else spec.webhook.url,
     )
+
+
+def trajectory_of(answer: Mapping[str, Any]) -> Trajectory:
+    """Return the trajectory of a result; raises ServiceError for that of an iterate that diverged."""
+    try:
+        return Trajectory.from_result(answer)
+    except TypeError as error:
+        raise not_finite() from error
+
+
+def not_finite() -> ServiceError:
+    """Say that the numbers of an iterate that diverged (null in a result) cannot be interpolated."""
+    return ServiceError("no-result", "The last iterate is not finite, so it cannot be resampled.")
 
 
 def check(body: bytes) -> tuple[JobSpec, ProblemSize]:

@@ -96,6 +96,24 @@ def _quantised(values: Vector, quantum: float, bounds: tuple[float, float]) -> V
     return np.asarray(quantum * np.clip(np.round(values / quantum), lowest, highest), np.float64)
 
 
+def played(command: Command, problem: OptimalControlProblem, answer: Trajectory) -> Trajectory:
+    """The answer with the rows of the table as its controls, until the last one has been held.
+
+    Its states are still those that were promised, stretched over the longer time.
+    """
+    end = command.t[-1] + command.period + command.delay
+    edges = np.unique([answer.t0, *(command.t + command.delay), end])
+    breaks = (edges - answer.t0) / (end - answer.t0)
+    zeros = np.zeros(int(edges.size - 1 - command.t.size))
+    steps = {
+        name: StepCurve(breaks, np.concatenate([zeros, values])) for name, values in command.controls.items()
+    }
+    states = {name: answer.states[name] for name in problem.states}
+    return Trajectory(
+        answer.t0, float(end), states, steps, "previous", {}, breaks, breaks, design=answer.design
+    )
+
+
 def fly_command(
     command: Command, problem: OptimalControlProblem, answer: Trajectory, seconds: float | None = None
 ) -> dict[str, Any]:
@@ -105,21 +123,11 @@ def fly_command(
     ``terminal_error`` is the largest distance from an end condition, relative to the magnitude of its state
     on the trajectory; None where the flight does not come to its end.
     """
-    end = command.t[-1] + command.period + command.delay
-    edges = np.unique([answer.t0, *(command.t + command.delay), end])
-    breaks = (edges - answer.t0) / (end - answer.t0)
-    first = int(edges.size - 1 - command.t.size)
-    zeros = np.zeros(first)
-    steps = {
-        name: StepCurve(breaks, np.concatenate([zeros, values])) for name, values in command.controls.items()
-    }
-    states = {name: answer.states[name] for name in problem.states}
-    promised = np.array([curve(answer.tau(edges)) for curve in states.values()])
-    flown = Trajectory(
-        answer.t0, float(end), states, steps, "previous", {}, breaks, breaks, design=answer.design
-    )
+    flown = played(command, problem, answer)
+    tau = answer.tau(flown.time(flown.breakpoints))
+    promised = np.array([answer.states[name](tau) for name in problem.states])
     scale = np.maximum(SMALLEST_SCALE, np.abs(promised).max(axis=1))
-    report: dict[str, Any] = {"integrator": INTEGRATOR, "rtol": RTOL, "final_time": float(end)}
+    report: dict[str, Any] = {"integrator": INTEGRATOR, "rtol": RTOL, "final_time": flown.tf}
     try:
         final = flown_end(problem, flown, promised)
     except FlightError as error:

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from solvers.elastic import Wish, elastic_problem, wishes_of
+from solvers.elastic import Wish, elastic_problem, place_in_document, wishes_of
 from solvers.problem import OptimalControlProblem
 from solvers.session import Session, Solved
 from solvers.spec import ProblemSpec
@@ -75,7 +75,7 @@ def _report(
     giving.sort(key=lambda wish: -slacks[wish.slack] / wish.scale)
     return [
         {
-            "pointer": _pointer(spec, wish.limit.pointer),
+            "pointer": place_in_document(spec, wish.limit.pointer),
             "name": wish.limit.name.partition("@")[0],
             "violation": slacks[wish.slack],
             "at": _time(problem, wish, trajectory),
@@ -92,15 +92,3 @@ def _time(problem: OptimalControlProblem, wish: Wish, trajectory: Trajectory) ->
         return trajectory.tf if at_the_end else None
     tau = trajectory.nodes
     return float(trajectory.time(tau)[np.argmax(wish.excess(problem, trajectory, tau))])
-
-
-def _pointer(spec: ProblemSpec, pointer: str) -> str:
-    """The place in the document as submitted of a pointer that may name the state of a scenario."""
-    place, _, case = pointer.partition("@")
-    *_, key, name = place.split("/")
-    for index, item in enumerate([] if spec.scenarios is None else spec.scenarios.cases):
-        if item.name == case and name in getattr(item, key, {}):
-            return f"/problem/scenarios/cases/{index}/{key}/{name}"
-    if key == "final_state" and name not in spec.final_state:
-        return "/problem/final_state/*"
-    return place

@@ -26,6 +26,7 @@ from solvers.guess import Start
 from solvers.problem import OptimalControlProblem
 from solvers.quantities import FREE, Constraint, DesignParameter
 from solvers.scaling import Scaling, end_scales, magnitude
+from solvers.spec import ProblemSpec
 
 Vector = NDArray[np.float64]
 
@@ -63,9 +64,8 @@ class Wish:
         scope = problem.scope(states, controls, times, {**problem.parameters, **trajectory.design}, NUMPY)
         with np.errstate(all="ignore"):
             values = np.broadcast_to(self.limit.expression.evaluate(scope, NUMPY.functions), tau.shape)
-        lower, upper = self.limit.interval
-        outside = np.maximum(np.maximum(lower - values, values - upper), 0.0)
-        return np.where(self.limit.holds_at(tau), np.nan_to_num(outside, posinf=0.0), 0.0)
+        outside = np.nan_to_num(self.limit.excess(values), posinf=0.0)
+        return np.where(self.limit.holds_at(tau), outside, 0.0)
 
 
 def wishes_of(problem: OptimalControlProblem, scaling: Scaling) -> list[Wish]:
@@ -120,6 +120,18 @@ def elastic_problem(
             ),
         ),
     )
+
+
+def place_in_document(spec: ProblemSpec, pointer: str) -> str:
+    """The place in the document as submitted of a pointer that may name the state of a scenario."""
+    place, _, case = pointer.partition("@")
+    *_, key, name = place.split("/")
+    for index, item in enumerate([] if spec.scenarios is None else spec.scenarios.cases):
+        if item.name == case and name in getattr(item, key, {}):
+            return f"/problem/scenarios/cases/{index}/{key}/{name}"
+    if key == "final_state" and name not in spec.final_state:
+        return "/problem/final_state/*"
+    return place
 
 
 def _softened(items: Sequence[Constraint], wishes: Sequence[Wish]) -> tuple[Constraint, ...]:

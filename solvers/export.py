@@ -34,8 +34,18 @@ def trajectory_csv(trajectory: Mapping[str, Any]) -> str:
 
 
 def to_csv(result: Mapping[str, Any]) -> str:
-    """The sampled trajectory of a result as CSV."""
-    return trajectory_csv(result["trajectory"])
+    """The sampled trajectory of a result as CSV; of flights a row for each of them."""
+    return flights_csv(result) if result.get("kind") == "flights" else trajectory_csv(result["trajectory"])
+
+
+def flights_csv(result: Mapping[str, Any]) -> str:
+    """The columns of flights: a header of names, then a row for each run; empty where it was lost."""
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(["run", *result["columns"]])
+    rows = zip(*result["columns"].values(), strict=True)
+    writer.writerows([run, *row] for run, row in enumerate(rows))
+    return text.getvalue()
 
 
 def to_npz(result: Mapping[str, Any]) -> bytes:

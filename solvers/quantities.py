@@ -34,6 +34,11 @@ class Constraint:
         start, stop = self.during
         return np.asarray((tau >= start - _ROUNDING) & (tau <= stop + _ROUNDING))
 
+    def excess(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
+        """How far values of the expression are outside of the interval, 0 inside."""
+        lower, upper = self.interval
+        return np.maximum(np.maximum(lower - values, values - upper), 0.0)
+
 
 @dataclass(frozen=True)
 class NamedQuantity:

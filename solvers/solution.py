@@ -130,7 +130,7 @@ class Solution:
                 "seconds": dict(self.statistics.seconds),
             },
             "resolved": self.spec.resolved().to_dict(),
-            "provenance": {**_provenance(), "seed": getattr(self.spec.method, "seed", None)},
+            "provenance": {**provenance(), "seed": getattr(self.spec.method, "seed", None)},
             "constraints": list(self.constraints),
             "sensitivity": None if self.sensitivity is None else dict(self.sensitivity),
             "diagnosis": list(self.diagnosis) if self.diagnosis else None,
@@ -144,7 +144,7 @@ class Solution:
         plain |= self._asked_for()
         if self.plants:
             plain["scenarios"] = {answer.plant.name: self._scenario(answer) for answer in self.plants}
-        return {key: _finite(value) for key, value in plain.items()}
+        return {key: finite(value) for key, value in plain.items()}
 
     def _asked_for(self) -> dict[str, Any]:
         """The command table and the coasting, where the document asks for them."""
@@ -184,7 +184,8 @@ class Solution:
 
 
 @cache
-def _provenance() -> dict[str, Any]:
+def provenance() -> dict[str, Any]:
+    """What computed a result."""
     return {
         "versions": {name: version(name) for name in ("ondelette", "casadi", "numpy", "scipy")}
         | {"python": platform.python_version()},
@@ -193,11 +194,12 @@ def _provenance() -> dict[str, Any]:
     }
 
 
-def _finite(value: Any) -> Any:
+def finite(value: Any) -> Any:
+    """A JSON value with None for every number that is not finite."""
     if isinstance(value, float):
         return value if math.isfinite(value) else None
     if isinstance(value, Mapping):
-        return {key: _finite(item) for key, item in value.items()}
+        return {key: finite(item) for key, item in value.items()}
     if isinstance(value, list | tuple):
-        return [_finite(item) for item in value]
+        return [finite(item) for item in value]
     return value

@@ -45,6 +45,12 @@ class Trajectory:
         """tf - t0."""
         return self.tf - self.t0
 
+    @property
+    def finite(self) -> bool:
+        """Whether all curves have finite values; those of an iterate that diverged may have none."""
+        values = self.states_at(self.breakpoints), self.controls_at(self.breakpoints)
+        return all(bool(np.isfinite(rows).all()) for rows in values)
+
     def interpolation_of(self, control: str) -> str:
         """How a control is to be read between nodes; the slope of straight lines holds until the next one."""
         return "previous" if isinstance(self.controls[control], DerivativeCurve) else self.interpolation

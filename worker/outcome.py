@@ -16,6 +16,9 @@ from worker.store import compress
 from worker.sweeps import figures_of
 
 if TYPE_CHECKING:
+    from solvers.flight import FlightError
+    from solvers.flights.fly import FlightsStopped
+    from solvers.flights.run import Flights
     from solvers.solution import Solution
 
 logger = logging.getLogger(__name__)
@@ -58,13 +61,9 @@ def of_solution(solution: Solution, job_id: str, limit: int) -> Outcome:
     """Return the end of a job that was solved; a compressed result over ``limit`` bytes fails it."""
     members = solution.result(job_id)
     figures = figures_of(members)
-    result = compress(json.dumps(members, allow_nan=False, separators=(",", ":")).encode())
+    result = _packed(members)
     if len(result) > limit:
-        detail = (
-            f"The compressed result has {len(result) / 2**20:.3g} MiB, the limit is {limit / 2**20:.3g} MiB. "
-            "Ask for fewer nodes or fewer output samples."
-        )
-        return _failure(FailureType.INTERNAL, "The result is too large to be kept.", detail)
+        return _too_large(result, limit, "Ask for fewer nodes or fewer output samples.")
     if solution.status is SolveStatus.CONVERGED:
         digest = answer_digest(members["resolved"]["document"])
         return Outcome(JobStatus.SUCCEEDED, result=result, figures=figures, digest=digest)
@@ -72,6 +71,42 @@ def of_solution(solution: Solution, job_id: str, limit: int) -> Outcome:
         return Outcome(JobStatus.CANCELLED, result=result, figures=figures)
     error = JobError(FailureType(solution.status.value), _title(solution.status), solution.message)
     return Outcome(JobStatus.FAILED, error, result, figures)
+
+
+def of_flights(flights: Flights, job_id: str, source: str, limit: int) -> Outcome:
+    """Return the end of a job that flew the answer of the job ``source``."""
+    result = _packed(flights.result(job_id, source))
+    if len(result) > limit:
+        return _too_large(result, limit, "Ask for fewer runs.")
+    return Outcome(JobStatus.SUCCEEDED, result=result)
+
+
+def of_stopped_flights(stopped: FlightsStopped) -> Outcome:
+    """Return the end of flights that were not all flown: they have no result."""
+    if stopped.status is SolveStatus.CANCELLED:
+        return Outcome(JobStatus.CANCELLED)
+    detail = "Not all flights were flown in time. Ask for fewer runs, or raise max_seconds."
+    return _failure(FailureType.TIME_LIMIT, "The time limit was reached.", detail)
+
+
+def of_lost_flights(error: FlightError) -> Outcome:
+    """Return the end of flights of which not even the undisturbed one can be followed."""
+    return _failure(FailureType.DIVERGED, "The answer cannot be flown.", f"In short: {error}.")
+
+
+def of_missing_source(source: str) -> Outcome:
+    """Return the end of flights whose answer was erased, or outlived its time, while they waited."""
+    detail = f"The result of job {source} is not kept any more."
+    return _failure(FailureType.INTERNAL, "There is no answer to be flown.", detail)
+
+
+def _packed(members: Mapping[str, Any]) -> bytes:
+    return compress(json.dumps(members, allow_nan=False, separators=(",", ":")).encode())
+
+
+def _too_large(result: bytes, limit: int, advice: str) -> Outcome:
+    sizes = f"The compressed result has {len(result) / 2**20:.3g} MiB, the limit is {limit / 2**20:.3g} MiB."
+    return _failure(FailureType.INTERNAL, "The result is too large to be kept.", f"{sizes} {advice}")
 
 
 def of_exception(error: Exception, job_id: str) -> Outcome:

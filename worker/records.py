@@ -121,7 +121,8 @@ class JobRecord:
     ``submitted_by`` is the id of the API key. ``attempts`` counts starts, ``losses`` those whose worker
     vanished without a word. After ``deadline_at`` nobody waits for the answer any more. An ended job is kept
     until ``expires_at``, or until it is erased if it is ``pinned``. ``reused_from`` is the job whose answer
-    this one has, which was not solved then.
+    this one has, which was not solved then. ``flights_of`` is the job whose answer this one flies; its
+    document then says how (`solvers.spec.flights`).
     """
 
     id: str
@@ -135,6 +136,7 @@ class JobRecord:
     priority: Priority = Priority.NORMAL
     deadline_at: float | None = None
     sweep: SweepPlace | None = None
+    flights_of: str | None = None
     project: str = DEFAULT_PROJECT
     submitted_by: str | None = None
     webhook: str | None = None
@@ -180,6 +182,8 @@ class JobRecord:
             fields["submitted_by"] = self.submitted_by
         if self.sweep is not None:
             fields["sweep"] = self.sweep.to_json()
+        if self.flights_of is not None:
+            fields["flights_of"] = self.flights_of
         return fields
 
     @classmethod
@@ -200,6 +204,7 @@ class JobRecord:
             submitted_by=fields.get("submitted_by"),
             webhook=fields.get("webhook"),
             sweep=SweepPlace.from_json(fields["sweep"]) if "sweep" in fields else None,
+            flights_of=fields.get("flights_of"),
             started_at=float(fields["started_at"]) if "started_at" in fields else None,
             finished_at=float(fields["finished_at"]) if "finished_at" in fields else None,
             progress=json.loads(fields["progress"]) if "progress" in fields else None,

@@ -11,6 +11,7 @@ import os
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from typing import Any, cast
 
 from celery import Task
@@ -20,17 +21,17 @@ from opentelemetry.trace import SpanKind
 from redis.exceptions import RedisError
 
 from solvers.solve import solve
-from solvers.spec import JobSpec, check_text
+from solvers.spec import check_text
 from solvers.status import SolveStatus
 from solvers.trajectory import Trajectory
 from worker import outcome, traces
 from worker.errors import JobGone, JobNotFound
+from worker.flights import FlightsJob, read_source
 from worker.logs import about
 from worker.neighbours import Neighbours
 from worker.patience import patiently, process_limit
 from worker.progress import StoreProgress
 from worker.queue import REQUEST_HEADER, SOLVE_TASK
-from worker.records import SweepPlace
 from worker.store import JobStore, new_owner, solver_of
 
 logger = logging.getLogger(__name__)
@@ -89,26 +90,40 @@ def solve_job(
 def _solve(
     job_id: str, store: JobStore, limits: Limits, progress: StoreProgress, neighbours: Neighbours | None
 ) -> outcome.Outcome:
-    def read() -> tuple[JobSpec, SweepPlace | None, Trajectory | None, float]:
-        record, document = store.assignment(job_id)
-        spec, at = check_text(document), record.sweep
-        if spec.warm_start is None and at is not None and neighbours is not None:
-            earlier = neighbours.nearest(at)
-        else:
-            earlier = earlier_answer(store, spec.warm_start)
-        return spec, at, earlier, record.seconds_left(time.time())
-
     try:
-        spec, at, earlier, seconds = patiently(read, limits.outage, job_id)
+        work, seconds = patiently(
+            lambda: _assigned(job_id, store, limits, progress, neighbours), limits.outage, job_id
+        )
         with process_limit(seconds + limits.grace):
-            solution = solve(spec, progress, earlier, seconds)
-            if at is not None and neighbours is not None and solution.status in _GOOD_STARTS:
-                neighbours.found(at, job_id, solution.trajectory)
-            return outcome.of_solution(solution, job_id, limits.result_bytes)
+            return work()
     except RedisError:
         raise
     except Exception as error:  # noqa: BLE001  (logged and written as the job's error)
         return outcome.of_exception(error, job_id)
+
+
+def _assigned(
+    job_id: str, store: JobStore, limits: Limits, progress: StoreProgress, neighbours: Neighbours | None
+) -> tuple[Callable[[], outcome.Outcome], float]:
+    """Read all that a job needs; return its work, and how many seconds there are for it."""
+    record, document = store.assignment(job_id)
+    seconds = record.seconds_left(time.time())
+    if record.flights_of is not None:
+        flights = FlightsJob(job_id, record.flights_of, document, limits.result_bytes)
+        return partial(flights.run, read_source(store, record.flights_of), progress, seconds), seconds
+    spec, at = check_text(document), record.sweep
+    if spec.warm_start is None and at is not None and neighbours is not None:
+        earlier = neighbours.nearest(at)
+    else:
+        earlier = earlier_answer(store, spec.warm_start)
+
+    def work() -> outcome.Outcome:
+        solution = solve(spec, progress, earlier, seconds)
+        if at is not None and neighbours is not None and solution.status in _GOOD_STARTS:
+            neighbours.found(at, job_id, solution.trajectory)
+        return outcome.of_solution(solution, job_id, limits.result_bytes)
+
+    return work, seconds
 
 
 def earlier_answer(store: JobStore, job_id: str | None) -> Trajectory | None:

@@ -17,6 +17,7 @@ from app.cli.cases import case, cases
 from app.cli.common import CommandGroup
 from app.cli.demo import demo
 from app.cli.doctor import doctor
+from app.cli.flights import flights
 from app.cli.jobs import cancel, list_jobs, result, submit, watch
 from app.cli.keys import keys
 from app.cli.replay import replay
@@ -38,6 +39,7 @@ for command in (
     solve,
     replay,
     report,
+    flights,
     submit,
     watch,
     result,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import base64
+from collections.abc import Callable
 from typing import Annotated
 from urllib.parse import urlencode
 
@@ -32,14 +33,19 @@ Key = Annotated[str | None, Depends(idempotency_key)]
 )
 async def submit(request: Request, service: Shared, body: Body, key: Key) -> Response:
     """Queue a job document. ``Prefer: wait=N`` delays the answer until the job is final, at most 60 s."""
+    return await submitted(request, service, lambda: service.submit(body, key, principal_of(request)))
+
+
+async def submitted(request: Request, service: Service, submit: Callable[[], JobRecord]) -> Response:
+    """Submit a job, and answer with it at once or, where the client prefers to wait, when it is final."""
     wait = preferred_wait(request)
 
-    def submitted() -> tuple[str, Response]:
-        record = service.submit(body, key, principal_of(request))
+    def queued() -> tuple[str, Response]:
+        record = submit()
         return record.id, _answer(service, record, 202)
 
     # One change of thread for all that asks the broker.
-    job_id, response = await run_in_threadpool(submitted)
+    job_id, response = await run_in_threadpool(queued)
     if wait is not None:
         response = await _answered(service, await service.watch.final(job_id, wait), 202)
         response.headers["Preference-Applied"] = f"wait={wait:g}"

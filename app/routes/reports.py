@@ -21,6 +21,8 @@ def report(service: Shared, job_id: str) -> HTMLResponse:
     record, text = service.store.get(job_id), service.store.result(job_id)
     if not record.status.final:
         raise service.not_ready(record)
+    if record.flights_of is not None:
+        raise service.no_answer(record.flights_of)
     page = write_report(
         json.loads(service.store.document(job_id)),
         None if text is None else json.loads(text),

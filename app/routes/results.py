@@ -16,7 +16,7 @@ from app.negotiation import chosen_type
 from app.openapi import refusals
 from app.report import POLICY
 from app.schemas import JobView
-from app.service import Service, Shared
+from app.service import Service, Shared, not_finite, trajectory_of
 from solvers.bundle import pack
 from solvers.export import to_csv, to_mat, to_npz
 from solvers.plot import render
@@ -41,6 +41,9 @@ _EXPORTS: Mapping[str, Callable[[Mapping[str, Any]], str | bytes]] = {
     "mat": to_mat,
 }
 
+_OF_TRAJECTORIES = frozenset({"npz", "mat"})
+"""Formats that hold a trajectory only."""
+
 
 @router.get(
     "/result",
@@ -57,9 +60,14 @@ def result(
         str | None, Query(description="Instead of Accept.", json_schema_extra={"enum": [*_MEDIA, None]})
     ] = None,
 ) -> Response:
-    """Return the result of a final job; CSV, NPZ and MAT hold the sampled trajectory."""
+    """Return the result of a final job; CSV, NPZ and MAT hold the sampled trajectory.
+
+    Of flights CSV has a row for each, and NPZ and MAT are not made.
+    """
     kind = chosen_type(request, _MEDIA)
     text = service.result(job_id)
+    if kind in _OF_TRAJECTORIES and service.store.get(job_id).flights_of is not None:
+        raise ServiceError("not-acceptable", "Flights are available as application/json and text/csv.")
     headers = {"Vary": "Accept"}
     if kind == "json":
         return Response(text, media_type=_MEDIA[kind], headers=headers)
@@ -77,17 +85,14 @@ def trajectory(
     derivatives: bool = False,
 ) -> Response:
     """Resample the trajectory from its coefficients: at ``samples`` times, at times ``t``, or by ``dt``."""
-    stored = json.loads(service.result(job_id))
-    try:
-        curves = Trajectory.from_result(stored)
-    except TypeError as error:
-        raise _not_finite() from error
+    stored = service.answer(job_id)
+    curves = trajectory_of(stored)
     times = _times(curves, samples, t, dt)
     sampled = sample(problem_of(stored), curves, times, derivatives=derivatives)
     try:
         text = json.dumps({"job_id": job_id, **sampled}, allow_nan=False, separators=(",", ":"))
     except ValueError as error:
-        raise _not_finite() from error
+        raise not_finite() from error
     return Response(text, media_type="application/json")
 
 
@@ -119,6 +124,8 @@ def bundle(service: Shared, job_id: str) -> Response:
     record, text = service.store.get(job_id), service.store.result(job_id)
     if not record.status.final:
         raise service.not_ready(record)
+    if record.flights_of is not None:
+        raise service.no_answer(record.flights_of)
     packed = pack(
         service.store.document(job_id),
         JobView.of(record).model_dump(mode="json"),
@@ -135,15 +142,10 @@ def _log_line(event: JobEvent) -> str:
 
 
 def _plot(service: Service, job_id: str, kind: Literal["svg", "png"], media: str) -> Response:
-    text = service.result(job_id)
+    answer = service.answer(job_id)
     title = service.store.get(job_id).name or ""
-    picture = render(json.loads(text), kind, title)
+    picture = render(answer, kind, title)
     return Response(picture, media_type=media, headers={"Content-Security-Policy": POLICY})
-
-
-def _not_finite() -> ServiceError:
-    """Say that the numbers of an iterate that diverged (null in a result) cannot be interpolated."""
-    return ServiceError("no-result", "The last iterate is not finite, so it cannot be resampled.")
 
 
 def _times(

@@ -69,9 +69,9 @@ _OBJECTS: dict[str, type[SpecModel]] = {
 }
 
 
-def translate(error: ValidationError, scope: Scope) -> Iterator[Fault]:
-    """Yield one fault for every mistake that pydantic found."""
-    for path, detail, kind in _flaws(error, scope):
+def translate(error: ValidationError, scope: Scope, whole: type[SpecModel] = JobSpec) -> Iterator[Fault]:
+    """Yield one fault for every mistake that pydantic found in a document that is a ``whole``."""
+    for path, detail, kind in _flaws(error, scope, whole):
         yield Fault(pointer(path), detail, kind)
 
 
@@ -84,12 +84,12 @@ def nested(kind: type[Object], value: Any, scope: Scope, flaws: Flaws) -> Object
     return None
 
 
-def _flaws(error: ValidationError, scope: Scope) -> Iterator[Flaw]:
+def _flaws(error: ValidationError, scope: Scope, whole: type[SpecModel] = JobSpec) -> Iterator[Flaw]:
     for detail in error.errors(include_url=False, include_input=True):
-        yield from _flaws_of(detail, scope)
+        yield from _flaws_of(detail, scope, whole)
 
 
-def _flaws_of(error: ErrorDetails, scope: Scope) -> Iterator[Flaw]:
+def _flaws_of(error: ErrorDetails, scope: Scope, whole: type[SpecModel]) -> Iterator[Flaw]:
     tagged = error["loc"]
     loc = _without_tags(tagged)
     context: dict[str, Any] = error.get("ctx", {})
@@ -98,7 +98,7 @@ def _flaws_of(error: ErrorDetails, scope: Scope) -> Iterator[Flaw]:
             yield loc + path, detail, kind
     elif error["type"] == "extra_forbidden":
         key = str(tagged[-1])
-        owner = next((_OBJECTS[p] for p in reversed(tagged[:-1]) if p in _OBJECTS), JobSpec)
+        owner = next((_OBJECTS[p] for p in reversed(tagged[:-1]) if p in _OBJECTS), whole)
         keys = [info.alias or name for name, info in owner.model_fields.items()]
         yield loc, f"unknown key {quoted(key)}{scope.suggest(key, keys)}", "invalid"
     elif error["type"] in ("union_tag_invalid", "union_tag_not_found"):

@@ -1,4 +1,4 @@
-"""The examples of docs/client.md, run in order as they are printed, print what stands under them."""
+"""The examples of pages about the client, run in order as they are printed, print what stands under them."""
 
 from __future__ import annotations
 
@@ -10,22 +10,23 @@ from typing import Any
 
 import pytest
 
-PAGE = (Path(__file__).parents[2] / "docs" / "client.md").read_text()
-BLOCKS = re.findall(r"^```(\w+)\n(.*?)^```$", PAGE, re.MULTILINE | re.DOTALL)
+DOCS = Path(__file__).parents[2] / "docs"
+BLOCK = re.compile(r"^```(\w+)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 NUMBER = re.compile(r"-?\d+\.\d*(?:e[-+]?\d+)?")
 
 
+@pytest.mark.parametrize(("page", "file"), [("client.md", "slew.pdf"), ("flights.md", "flights.csv")])
 def test_the_examples_print_what_is_printed(
-    url: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    page: str, file: str, url: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
     names: dict[str, Any] = {}
     said = ""
     try:
-        for kind, text in BLOCKS:
+        for kind, text in BLOCK.findall((DOCS / page).read_text()):
             if kind == "python":
                 with contextlib.redirect_stdout(io.StringIO()) as out:
-                    exec(compile(text.replace("http://127.0.0.1:8000", url), "client.md", "exec"), names)
+                    exec(compile(text.replace("http://127.0.0.1:8000", url), page, "exec"), names)
                 said = out.getvalue()
             elif kind == "text":
                 assert NUMBER.sub("#", said) == NUMBER.sub("#", text)
@@ -35,4 +36,4 @@ def test_the_examples_print_what_is_printed(
                     assert float(found) == pytest.approx(float(printed), abs=10.0**-decimals), text
     finally:
         names["client"].close()
-    assert (tmp_path / "slew.pdf").stat().st_size > 1000
+    assert (tmp_path / file).stat().st_size > 1000

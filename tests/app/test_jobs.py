@@ -41,6 +41,7 @@ JOB_KEYS = {
     "project",
     "submitted_by",
     "sweep",
+    "flights_of",
     "links",
 }
 

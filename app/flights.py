@@ -1,0 +1,57 @@
+"""How flights of an answer become a job."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import replace
+
+from app.auth import Principal
+from app.service import Service, not_finite, trajectory_of
+from solvers.spec import parse_document
+from solvers.spec.flights import FlightsSpec, check_flights
+from worker.records import JobRecord, JobStatus, new_job_id
+
+METHOD = "flights"
+"""What stands for the method of such a job."""
+
+_SECONDS_PER_RUN = 2e-3
+
+
+def submit_flights(
+    service: Service, source: str, body: bytes, key: str | None, principal: Principal
+) -> JobRecord:
+    """Queue flights of the answer of the job ``source``, as the document ``body`` says; return their job.
+
+    Raises as `Service.submit` does, and ServiceError where there is no answer that could be flown.
+    """
+    answered = service.answer(source)
+    spec = check_flights(parse_document(body), answered["resolved"]["document"])
+    if not trajectory_of(answered).finite:
+        raise not_finite()
+    record = _record(spec, source, principal)
+    job_id = service.once(
+        key,
+        # The same words about another answer are another request.
+        source.encode() + b"\n" + body,
+        record.id,
+        lambda job_id: service.queue_job(replace(record, id=job_id), body),
+        service.store.exists,
+    )
+    return record if job_id == record.id else service.store.get(job_id)
+
+
+def _record(spec: FlightsSpec, source: str, principal: Principal) -> JobRecord:
+    now = time.time()
+    return JobRecord(
+        id=new_job_id(now),
+        status=JobStatus.QUEUED,
+        method=METHOD,
+        max_seconds=spec.max_seconds,
+        created_at=now,
+        estimate=min(_SECONDS_PER_RUN * spec.runs, spec.max_seconds),
+        name=spec.name or None,
+        tags=tuple(spec.tags),
+        flights_of=source,
+        project=principal.project,
+        submitted_by=principal.key,
+    )

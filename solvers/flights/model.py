@@ -1,0 +1,124 @@
+"""The model of an answer whose numbers differ from flight to flight."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from solvers.arrays.kernel import Kernels
+from solvers.backends import NUMPY
+from solvers.dynamics import NodeScope
+from solvers.expressions import parse
+from solvers.genetic.model import ArrayModel
+from solvers.problem import OptimalControlProblem
+from solvers.quantities import FREE, DesignParameter
+from solvers.scenarios import NOMINAL, formulate
+from solvers.spec import ProblemSpec
+
+Vector = NDArray[np.float64]
+
+
+def dispersed_problem(spec: ProblemSpec, names: Collection[str]) -> OptimalControlProblem:
+    """The leading plant with the document's controls (not their rates), these parameters as unknown numbers.
+
+    They stand among the design parameters; what follows from them is a definition.
+    """
+    plain = formulate(spec.changed(control_rates={})).plants[0]
+    problem = plain.problem
+    fixed = _own_parameters(spec, plain.name)
+    following = [name for name in spec.model.depending_on(names) if name not in {*names, *fixed}]
+    free = {name: problem.parameters[name] for name in names if name in problem.parameters}
+    return replace(
+        problem,
+        parameters={
+            name: value for name, value in problem.parameters.items() if name not in {*free, *following}
+        },
+        definitions={
+            **{name: parse(spec.model.parameters[name]) for name in following},
+            **problem.definitions,
+        },
+        design=(
+            *problem.design,
+            *(DesignParameter(name, FREE, value) for name, value in free.items()),
+        ),
+    )
+
+
+def _own_parameters(spec: ProblemSpec, plant: str) -> Mapping[str, Any]:
+    """The parameters that a scenario gives to the leading plant."""
+    cases = [] if spec.scenarios is None else spec.scenarios.cases
+    return next((case.parameters for case in cases if case.name == plant and plant != NOMINAL), {})
+
+
+class Fleet:
+    """The model of P flights at once.
+
+    Its states (n + l + 1 + i, P) are those of the problem, the l controls with a lag as the actuators give
+    them, the running cost and the integrals. ``design`` (d, P): the unknown numbers; ``lags`` (m,).
+    """
+
+    def __init__(self, problem: OptimalControlProblem, design: Vector, lags: Vector) -> None:
+        self.problem = problem
+        self.states = len(problem.states)
+        self._design, self._lagging = design, np.flatnonzero(lags > 0.0)
+        self._lags = lags[self._lagging][:, None]
+        model = ArrayModel(problem)
+        outputs = [*model.rates, model.running_cost, *model.integrands]
+        self._kernel = Kernels(outputs, model.inputs).at(design.shape[1])
+        self._kernel.inputs[self.states + len(problem.controls) : -2] = design
+        parameters = {item.name: row for item, row in zip(problem.design, design, strict=True)}
+        self._parameters: dict[str, Any] = {**problem.parameters, **parameters}
+
+    @property
+    def size(self) -> int:
+        """The number of states of one flight, all that belongs to it counted."""
+        return self.states + self._lagging.size + 1 + len(self.problem.integrals)
+
+    def sizes(self, of_states: Vector, of_controls: Vector) -> Vector:
+        """Magnitudes of all states of a flight; infinite for what is integrated along."""
+        along = np.full(1 + len(self.problem.integrals), np.inf)
+        return np.concatenate([of_states, of_controls[self._lagging], along])
+
+    def rate(self, states: Vector, commands: Vector, t: float, rates: Vector) -> None:
+        """Fill in the rates (size, P) under the commands (m,)."""
+        n, lagging = self.states, self._lagging.size
+        inputs, outputs = self._kernel.inputs, self._kernel.outputs
+        inputs[:n] = states[:n]
+        inputs[n : n + commands.size] = self.controls(states, commands)
+        inputs[-2] = t
+        self._kernel.run()
+        rates[:n] = outputs[:n]
+        rates[n : n + lagging] = (commands[self._lagging][:, None] - states[n : n + lagging]) / self._lags
+        rates[n + lagging :] = outputs[n:]
+
+    def controls(self, states: Vector, commands: Vector) -> Vector:
+        """The controls (m, P) that the model feels."""
+        felt = np.repeat(commands[:, None], states.shape[1], axis=1)
+        felt[self._lagging] = states[self.states : self.states + self._lagging.size]
+        return felt
+
+    def switch_off(self, states: Vector) -> None:
+        """Set what lagging actuators give to zero."""
+        states[self.states : self.states + self._lagging.size] = 0.0
+
+    def integrals(self, states: Vector) -> Vector:
+        """The running cost and the integrals so far, (1 + i, P)."""
+        return states[self.states + self._lagging.size :]
+
+    def scope(self, states: Vector, controls: Vector, t: float) -> NodeScope:
+        """The names of an instant, with values (P,)."""
+        times = np.full(states.shape[1], t)
+        return self.problem.scope(states[: self.states], controls, times, self._parameters, NUMPY)
+
+    def ends_scope(
+        self,
+        initial: tuple[Vector, Vector, float],
+        final: tuple[Vector, Vector, float],
+        integrals: Sequence[Vector] | Vector,
+    ) -> dict[str, Any]:
+        """The names of both ends (states, controls, time), with values (P,)."""
+        return self.problem.ends_scope(initial, final, self._parameters, NUMPY, integrals)
