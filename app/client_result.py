@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from solvers.problem import OptimalControlProblem
     from solvers.trajectory import Trajectory
 
-Array = NDArray[Any]
+Array = NDArray[np.float64]
 
 
 class MissingExtraError(ClientError):

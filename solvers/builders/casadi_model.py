@@ -16,6 +16,21 @@ from typing import Any
 from solvers.builders.models import Model, first_order
 from solvers.errors import ExpressionError
 
+_SAME_NAME = [
+    "sin",
+    "cos",
+    "tan",
+    "asin",
+    "acos",
+    "atan",
+    "sinh",
+    "cosh",
+    "tanh",
+    "exp",
+    "log",
+    "sqrt",
+    "sign",
+]
 # What each operation is in the expression language; operands get parentheses where they need them.
 _OPERATIONS = {
     "ADD": "{} + {}",
@@ -35,11 +50,7 @@ _OPERATIONS = {
     "LOG1P": "log(1 + {})",
     "EXPM1": "exp({}) - 1",
     "HYPOT": "sqrt({}^2 + {}^2)",
-    **{
-        name.upper(): f"{name}({{}})"
-        for name in ("sin", "cos", "tan", "asin", "acos", "atan", "sinh", "cosh")
-    },
-    **{name.upper(): f"{name}({{}})" for name in ("tanh", "exp", "log", "sqrt", "sign")},
+    **{name.upper(): f"{name}({{}})" for name in _SAME_NAME},
     "ATAN2": "atan2({}, {})",
 }
 # A longer text gets a name of its own, so that no expression meets the limits of the language.

@@ -55,7 +55,7 @@ def mechanical_from_sympy(
         raise ExpressionError("the forcing is not affine in the controls", 0)
     size = inputs.rows
     entries = [*sympy.Matrix(mass), *effect, *rest]
-    definitions, texts = _shared([sympy.simplify(entry) for entry in entries])
+    definitions, texts = _shared(entries)
     rows = [texts[start : start + size] for start in range(0, size * size, size)]
     width = len(controls)
     behind = texts[size * size :]

@@ -7,12 +7,16 @@ import pickle
 import sys
 import zlib
 from collections.abc import Callable
+from typing import Any
 
 import httpx
 import numpy as np
 import pytest
 
 from app.client import MissingExtraError, NotFiniteError, Result
+from solvers.builders import library
+from solvers.solve import solve
+from solvers.spec import check_document
 from worker.records import JobStatus
 
 
@@ -74,6 +78,30 @@ def test_at_the_nodes_it_is_what_the_method_found(result: Result) -> None:
     one = result.at(nodes["t"][3])
     assert isinstance(one.states["theta"], float)
     assert one.states["theta"] == pytest.approx(nodes["states"]["theta"][3], abs=1e-12)
+
+
+@pytest.mark.parametrize(
+    "method",
+    [{"name": "gpm"}, {"name": "hermite_simpson"}, {"name": "ga", "generations": 5, "population": 8}],
+    ids=lambda method: str(method["name"]),
+)
+def test_every_basis_is_evaluated_here(method: dict[str, Any]) -> None:
+    document = {
+        "problem": {
+            "model": library("rigid_body"),
+            "final_time": [0.5, 10],
+            "initial_state": {"*": 0},
+            "final_state": {"x": 1, "x_dot": 0},
+            "bounds": {"u": [-1, 1]},
+            "objective": {"terminal": "tf"},
+        },
+        "method": method,
+    }
+    solved = Result(solve(check_document(document)).result())
+    again = Result(json.loads(json.dumps(solved))).at(solved.t)
+    for here, told in ((again.states, solved.states), (again.controls, solved.controls)):
+        for name, values in told.items():
+            np.testing.assert_allclose(here[name], values, rtol=1e-13, atol=1e-13)
 
 
 def test_outside_the_trajectory_there_is_nothing(result: Result) -> None:
