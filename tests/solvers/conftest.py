@@ -57,6 +57,23 @@ OSCILLATOR: dict[str, Any] = {
     }
 }
 
+# x' = a u over a second, for a = 1 and a = 2.
+TWO_PLANTS: dict[str, Any] = {
+    "problem": {
+        "model": {
+            "kind": "first_order",
+            "states": ["x"],
+            "controls": ["u"],
+            "parameters": {"a": 1},
+            "dynamics": {"x": "a*u"},
+        },
+        "final_time": 1,
+        "initial_state": {"x": 0},
+        "scenarios": {"cases": [{"name": "twice", "parameters": {"a": 2}}]},
+    },
+    "method": {"name": "swcm", "J": 2},
+}
+
 
 @pytest.fixture
 def flexible_spacecraft() -> dict[str, Any]:
@@ -76,3 +93,8 @@ def regulator() -> dict[str, Any]:
 @pytest.fixture
 def oscillator() -> dict[str, Any]:
     return copy.deepcopy(OSCILLATOR)
+
+
+@pytest.fixture
+def two_plants() -> dict[str, Any]:
+    return copy.deepcopy(TWO_PLANTS)

@@ -107,26 +107,10 @@ def test_what_swings_after_the_flight(flexible_spacecraft: dict[str, Any]) -> No
     assert len(result["coast"]["t"]) == len(result["coast"]["states"]["alpha"])
 
 
-def test_every_plant_flies_the_table() -> None:
-    document = {
-        "problem": {
-            "model": {
-                "kind": "first_order",
-                "states": ["x"],
-                "controls": ["u"],
-                "parameters": {"a": 1},
-                "dynamics": {"x": "a*u"},
-            },
-            "final_time": 1,
-            "initial_state": {"x": 0},
-            "final_state": {"x": [0.5, None]},
-            "objective": {"running": "u^2"},
-            "scenarios": {"cases": [{"name": "twice", "parameters": {"a": 2}}]},
-        },
-        "method": {"name": "swcm", "J": 2},
-        "output": {"command": {"period": 0.25}},
-    }
-    command = result_of(document)["command"]
+def test_every_plant_flies_the_table(two_plants: dict[str, Any]) -> None:
+    two_plants["problem"] |= {"final_state": {"x": [0.5, None]}, "objective": {"running": "u^2"}}
+    two_plants["output"] = {"command": {"period": 0.25}}
+    command = result_of(two_plants)["command"]
     finals = {name: flight["states"]["x"]["final"] for name, flight in command["scenarios"].items()}
     assert finals == {"nominal": pytest.approx(0.5), "twice": pytest.approx(1)}
 

@@ -94,28 +94,13 @@ def test_corners_that_stay_are_told(rigid_body: dict[str, Any]) -> None:
     assert pointers == ["/problem/objective/terminal", "/problem/objective/running"]
 
 
-def test_peaks_of_several_plants() -> None:
+def test_peaks_of_several_plants(two_plants: dict[str, Any]) -> None:
     """x' = a u over 1: the peak of a u is 1 for the nominal plant, of the stronger one twice as much."""
-    document: dict[str, Any] = {
-        "problem": {
-            "model": {
-                "kind": "first_order",
-                "states": ["x"],
-                "controls": ["u"],
-                "parameters": {"a": 1},
-                "dynamics": {"x": "a*u"},
-            },
-            "final_time": 1,
-            "initial_state": {"x": 0},
-            "final_state": {"x": [1, None]},
-            "objective": {"maximum": "a*u"},
-            "scenarios": {"cases": [{"name": "strong", "parameters": {"a": 2}}]},
-        },
-        "method": {"name": "swcm", "J": 2},
-    }
+    problem = two_plants["problem"]
+    problem |= {"final_state": {"x": [1, None]}, "objective": {"maximum": "a*u"}}
     for choice, expected in (("nominal", 1.0), ("mean", 1.5), ("worst", 2.0)):
-        document["problem"]["scenarios"]["objective"] = choice
-        assert result_of(document)["objective"] == pytest.approx(expected, abs=1e-6)
+        problem["scenarios"]["objective"] = choice
+        assert result_of(two_plants)["objective"] == pytest.approx(expected, abs=1e-6)
 
 
 def test_what_refinement_cannot_do_is_refused() -> None:

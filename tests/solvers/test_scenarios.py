@@ -225,28 +225,14 @@ def test_memory_and_work_grow_with_the_number_of_cases_only(flexible_spacecraft:
 
 
 @pytest.mark.parametrize("name", ["gpm", "hermite_simpson", "swcm"])
-def test_refinement_of_a_command_of_two_plants(name: str) -> None:
+def test_refinement_of_a_command_of_two_plants(name: str, rigid_body: dict[str, Any]) -> None:
     """Two masses under one force: the light one arrives at 1 and rests, the heavy one is half as far."""
-    document: dict[str, Any] = {
-        "problem": {
-            "model": {
-                "kind": "mechanical",
-                "coordinates": ["x"],
-                "controls": ["u"],
-                "parameters": {"m": 1},
-                "mass": [["m"]],
-                "input": [[1]],
-            },
-            "final_time": [0.1, 10],
-            "initial_state": {"x": 0, "x_dot": 0},
-            "final_state": {"x": 1, "x_dot": 0},
-            "bounds": {"u": [-1, 1]},
-            "objective": {"terminal": "tf"},
-            "scenarios": {"cases": [{"name": "heavy", "parameters": {"m": 2}, "final_state": {"*": None}}]},
-        },
+    free = {"x": None, "x_dot": None}
+    cases = [{"name": "heavy", "parameters": {"m": 2}, "final_state": free}]
+    document = {
+        "problem": rigid_body["problem"] | {"scenarios": {"cases": cases}},
         "method": {"name": name, "refine": "switching"},
     }
-    document["problem"]["scenarios"]["cases"][0]["final_state"] = {"x": None, "x_dot": None}
     result = result_of(document)
     assert result["success"], result["message"]
     assert result["final_time"] == pytest.approx(2, abs=1e-9)
