@@ -32,6 +32,8 @@ _MOST_LEVELS_AT_ONCE = 2
 # An interval this close to the target is refined with the bad ones, which aim this far below it.
 _CLOSE = 0.7
 _AIM = 0.8
+# The error at a change of level dies away within so many intervals.
+_REACH = 8
 # A bad interval makes its neighbours bad by about this part.
 _BESIDE = 0.5
 # Siblings are joined where the error would stay this much below the target, while the mesh is far from done.
@@ -81,16 +83,40 @@ class SplineMesh:
         change = np.where(size > _CLOSE * target, np.clip(deeper, 1, _MOST_LEVELS_AT_ONCE), 0)
         if worst.max() > _FAR_FROM_DONE * target:
             change = np.where(size < _JOIN * target, -1, change)
+        bad = worst > target
+        if not bad[~_widened(self._steps)].any():
+            change = self._evened(bad)
         finer = self.knots.adapted(np.clip(levels + change, 0, self.max_level).astype(np.int64))
         if finer.dimension > MAX_ACTIVE:
             raise MeshLimit(f"more than {MAX_ACTIVE:,} active functions would be needed")
         return replace(self, knots=finer)
 
     @property
+    def _steps(self) -> NDArray[np.bool_]:
+        """Whether the level changes from one interval to the next."""
+        return np.asarray(np.diff(self.knots.levels) != 0)
+
+    @property
     def _order(self) -> Vector:
-        steps = np.diff(self.knots.levels) != 0
-        edge = np.append(True, steps) | np.append(steps, True)
+        edge = np.append(True, self._steps) | np.append(self._steps, True)
         return np.where(edge, _EDGE_ORDER, _INNER_ORDER)
+
+    def _evened(self, bad: NDArray[np.bool_]) -> NDArray[np.int64]:
+        """The change where the error is too large beside changes of level only: the whole coarser patch by one.
+
+        To refine the bad intervals would but move the change of level, with its error, along the patch.
+        """
+        levels = self.knots.levels
+        patch = np.append(0, np.cumsum(self._steps))
+        steps = np.flatnonzero(self._steps & _widened(bad)[1:-1])
+        coarser = np.where(levels[steps] < levels[steps + 1], steps, steps + 1)
+        return np.isin(patch, patch[coarser]).astype(np.int64)
+
+
+def _widened(flags: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Flags of M + 1 items, each between two of M: where one of its neighbours within _REACH is set."""
+    near = np.convolve(flags, np.ones(2 * _REACH), "full")
+    return np.asarray(near[_REACH - 1 : near.size - _REACH + 1] > 0.0)
 
 
 def largest_inside(knots: Vector, breaks: Vector, errors: Vector) -> Vector:

@@ -109,6 +109,22 @@ def test_a_smooth_case_ends_verified_at_the_tolerance_of_its_method(
     assert solution.warnings == []
 
 
+@pytest.mark.parametrize(
+    ("case", "mesh", "level"),
+    [
+        ("brachistochrone", {}, 10),
+        ("min_time_orbit_transfer", {}, 10),
+        ("hypersensitive", {"L": 16, "J": 3}, 20),
+    ],
+)
+def test_splines_reach_tight_tolerances_too(case: str, mesh: dict[str, int], level: int) -> None:
+    """The error at a change of level would only wander if the finer patch grew in place of the coarser one."""
+    adaptive = {"tolerance": 1e-8, "max_level": level}
+    solution, error = answer(case, {"name": "swcm", **mesh, "adaptive": adaptive})
+    assert solution.success, solution.message
+    assert error <= 1e-8
+
+
 def test_goddard_by_segments_that_find_the_singular_arc() -> None:
     solution, error = answer("goddard", {"name": "gpm", "adaptive": {}})
     assert solution.success
