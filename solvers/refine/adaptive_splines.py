@@ -102,7 +102,7 @@ class SplineMesh:
         return np.where(edge, _EDGE_ORDER, _INNER_ORDER)
 
     def _evened(self, bad: NDArray[np.bool_]) -> NDArray[np.int64]:
-        """The change where the error is too large beside changes of level only: the whole coarser patch by one.
+        """The change where the error is too large beside changes of level only: the coarser patch by one.
 
         To refine the bad intervals would but move the change of level, with its error, along the patch.
         """

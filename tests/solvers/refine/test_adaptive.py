@@ -118,7 +118,7 @@ def test_a_smooth_case_ends_verified_at_the_tolerance_of_its_method(
     ],
 )
 def test_splines_reach_tight_tolerances_too(case: str, mesh: dict[str, int], level: int) -> None:
-    """The error at a change of level would only wander if the finer patch grew in place of the coarser one."""
+    """The error at a change of level would wander if the finer patch grew in place of the coarser one."""
     adaptive = {"tolerance": 1e-8, "max_level": level}
     solution, error = answer(case, {"name": "swcm", **mesh, "adaptive": adaptive})
     assert solution.success, solution.message
