@@ -84,6 +84,8 @@ def of_expression(expression: Expression) -> Formula:
             stack.append(-stack.pop())
         elif code == Code.CALL:
             stack.append(_call(payload, [stack.pop()]))
+        elif code == Code.LOOKUP:
+            stack.append(_called(name(payload).xml, [stack.pop()]))
         else:
             right, left = stack.pop(), stack.pop()
             # An operator is a callable of two values: here it is handed two formulas.
@@ -159,9 +161,13 @@ def _call(function: str, arguments: Sequence[Formula]) -> Formula:
         return Formula(f"<mrow><mo>|</mo>{first.xml}<mo>|</mo></mrow>")
     if function == "exp":
         return Formula(f"<msup><mi>e</mi><mrow>{first.xml}</mrow></msup>", POWER)
-    called = f"<mi>{_FUNCTIONS.get(function, function)}</mi>{_APPLY}"
+    return _called(f"<mi>{_FUNCTIONS.get(function, function)}</mi>", arguments)
+
+
+def _called(function: str, arguments: Sequence[Formula]) -> Formula:
+    """A function, by its piece of MathML, with its arguments."""
     listed = "<mo>,</mo>".join(argument.xml for argument in arguments)
-    return Formula(f"{called}<mrow><mo>(</mo>{listed}<mo>)</mo></mrow>", POWER)
+    return Formula(f"{function}{_APPLY}<mrow><mo>(</mo>{listed}<mo>)</mo></mrow>", POWER)
 
 
 def _letter(text: str) -> str:

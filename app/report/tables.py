@@ -87,6 +87,18 @@ def _problem_tables(problem: ProblemSpec, units: Mapping[str, str]) -> Iterator[
     ]
     yield Table("Time", ("", "value or interval"), times)
     yield from _parameters(problem)
+    if problem.data:
+        given = [
+            (
+                symbol(key),
+                str(len(item.x)),
+                *map(bound_text, (item.x[0], item.x[-1])),
+                item.interpolation,
+                item.outside,
+            )
+            for key, item in problem.data.items()
+        ]
+        yield Table("Data tables", ("table", "points", "from", "to", "interpolation", "outside"), given)
     if problem.scenarios is not None:
         rows = [(case.name, _differences(case)) for case in problem.scenarios.cases]
         choice = f"objective: {problem.scenarios.choice}"

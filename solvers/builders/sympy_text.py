@@ -21,9 +21,9 @@ def is_sympy(value: Any) -> bool:
 def sympy_text(expression: Any) -> str:
     """The text of a SymPy expression, numbers with all digits of a double.
 
-    A function of one symbol, such as a dynamic symbol ``theta(t)``, is written by its name, ``theta``, its
-    derivatives ``theta_dot`` and ``theta_ddot``. Raises ExpressionError for what the language has no word
-    for.
+    A function of t, a dynamic symbol ``theta(t)``, is written by its name, ``theta``, its derivatives
+    ``theta_dot`` and ``theta_ddot``; any other undefined function of one argument is a data table. Raises
+    ExpressionError for what the language has no word for.
     """
     text = str(_printer().doprint(expression))
     parse(text)
@@ -65,6 +65,6 @@ def _printer() -> Any:
         def _is_dynamic(node: Any) -> bool:
             from sympy.core.function import AppliedUndef
 
-            return isinstance(node, AppliedUndef) and len(node.args) == 1 and node.args[0].is_Symbol
+            return isinstance(node, AppliedUndef) and [str(argument) for argument in node.args] == ["t"]
 
     return Printer()

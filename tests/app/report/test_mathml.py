@@ -63,6 +63,7 @@ def same(text: str) -> None:
     values: dict[str, Any] = dict(
         zip(sorted(expression.names), np.random.default_rng(5).uniform(0.1, 0.9, (99, 4)), strict=False)
     )
+    values |= {"Td": np.cos, "drag": np.exp}
     with np.errstate(all="ignore"):
         np.testing.assert_allclose(again.evaluate(values), expression.evaluate(values), rtol=1e-12)
 
@@ -90,6 +91,7 @@ def same(text: str) -> None:
         "atan2(a, b) + asin(a)*log(b)",
         "30*deg + pi/6 - 2*rpm",
         "1.5e+20*a + 2e-3",
+        "a*Td(t + b)^2 - drag(a)/2",
         "theta_dot^2*phi1 + lambda_f - t_max*tf",
     ],
 )

@@ -137,7 +137,8 @@ def test_several_plants_a_command_and_everything_else() -> None:
     document = copy.deepcopy(RIGID_BODY)
     document["problem"] |= {
         "scenarios": {"cases": [{"name": "heavy", "parameters": {"m": 1.05}}], "nominal": True},
-        "outputs": [{"name": "power", "expression": "u*x_dot", "units": "W"}],
+        "outputs": [{"name": "power", "expression": "u*x_dot - drag(x_dot)", "units": "W"}],
+        "data": {"drag": {"x": [-3, 0, 3], "values": [9, 0, 9]}},
         "integrals": [{"name": "effort", "expression": "u^2"}],
         "path_constraints": [{"name": "soft", "expression": "u*x_dot", "bounds": [None, 3]}],
         "boundary_constraints": [{"expression": "x_f - x_0", "bounds": [0.5, 1.5]}],
@@ -146,7 +147,15 @@ def test_several_plants_a_command_and_everything_else() -> None:
     page, result = report_of(document)
     assert "m = 1.05" in page.text
     assert f"{result['command']['verification']['states']['x']['error']:.3g}" in page.text
-    for words in ("Plants under this command", "heavy", "Command", "Coasting", "soft", "Integrals", "power"):
+    for words in (
+        "Plants under this command",
+        "heavy",
+        "Command",
+        "Coasting",
+        "soft",
+        "Integrals",
+        "Data tables",
+    ):
         assert words in page.text, words
 
 

@@ -276,11 +276,12 @@ class TestSymPy:
             first_order({x: u}, controls=[u]),
             final_time=1,
             initial_state={x: 0},
-            objective={"running": u**2, "terminal": (x_f - 1) ** 2},
+            objective={"running": u**2 + sympy.Function("drag")(x), "terminal": (x_f - 1) ** 2},
+            data={"drag": {"x": np.array([-1, 0, 1]), "values": (1, 0, 1)}},
             path_constraints=[{"expression": x - u, "bounds": (None, 3)}],
         )
         written = problem.to_dict()["problem"]
-        assert written["objective"] == {"running": "u**2", "terminal": "(x_f - 1)**2"}
+        assert written["objective"] == {"running": "u**2 + drag(x)", "terminal": "(x_f - 1)**2"}
         problem.check()
 
     def test_what_the_language_does_not_have_is_named(self) -> None:
