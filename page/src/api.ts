@@ -34,6 +34,11 @@ export class Refusal extends Error {
   }
 }
 
+/** Whether the service asks for a key, or for another one. */
+export function refused(error: Error | null): boolean {
+  return error instanceof Refusal && error.status === 401;
+}
+
 function headersOf(init?: RequestInit): Headers {
   const headers = new Headers(init?.headers);
   if (key.value) headers.set("Authorization", `Bearer ${key.value}`);

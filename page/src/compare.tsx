@@ -38,7 +38,8 @@ export function Compare({ jobs }: { jobs: string[] }) {
         <>
           <Figures compared={data.value} />
           <Section title="Trajectories" id="trajectories">
-            <Trajectories flights={flights} result={data.value[0]?.result ?? {}} />
+            {/* Nobody would know whose the switching times are. */}
+            <Trajectories flights={flights} result={{ ...data.value[0]?.result, switching: {} }} />
           </Section>
         </>
       )}

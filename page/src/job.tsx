@@ -82,6 +82,7 @@ function Passed({ result, told }: { result: Result | null; told: History }) {
 
 function Buttons({ job, done }: { job: Job; done: boolean }) {
   const erase = async () => {
+    if (!confirm("Erase this job, with its document and its result?")) return;
     await request(`/v1/jobs/${job.id}`, { method: "DELETE" });
     go(to("/"));
   };
@@ -154,8 +155,9 @@ function Live({ trajectory }: { trajectory: Trajectory }) {
 
 function Answer({ result }: { result: Result }) {
   const flights = useMemo(() => {
-    const cases = Object.entries(result.scenarios ?? {}).map(([name, found]) => ({ name, trajectory: found.trajectory }));
-    return [{ name: "answer", trajectory: result.trajectory }, ...cases];
+    const plants = Object.entries(result.scenarios ?? {});
+    if (plants.length === 0) return [{ name: "answer", trajectory: result.trajectory }];
+    return plants.map(([name, { trajectory }]) => ({ name, trajectory }));
   }, [result]);
   return (
     <Section title="Trajectory" id="trajectory">

@@ -3,7 +3,7 @@ import { download } from "./api";
 import { between, leaf, number, seconds, when } from "./format";
 import { Action, type Fact, Facts, Section } from "./parts";
 import { to } from "./route";
-import type { Job, Result } from "./types";
+import type { Constraint, Job, Result } from "./types";
 
 export function Summary({ job, result }: { job: Job; result: Result | null }) {
   const link = (path: string, id: string) => <a href={to(`${path}/${id}`)}>{id}</a>;
@@ -64,7 +64,7 @@ export function Findings({ result }: { result: Result }) {
                     <th scope="row" title={item.pointer}>{leaf(item.pointer)}</th>
                     <td class="right">{number(item.min, 4)}</td>
                     <td class="right">{number(item.max, 4)}</td>
-                    <td class="right">{number(item.margin, 3)}{item.active.length > 0 && " active"}</td>
+                    <td class="right">{marginOf(item)}</td>
                   </tr>
                 ))}
               </tbody>
@@ -79,6 +79,12 @@ export function Findings({ result }: { result: Result }) {
       )}
     </>
   );
+}
+
+/** How far a constraint is from its bounds; where it rests on one, what is left is only rounding. */
+function marginOf({ active, margin, min, max }: Constraint): string {
+  const scale = Math.max(Math.abs(min ?? 0), Math.abs(max ?? 0));
+  return active.length > 0 && Math.abs(margin ?? 0) < 1e-5 * scale ? "active" : number(margin, 3);
 }
 
 export function Downloads({ job, result }: { job: Job; result: boolean }) {

@@ -1,7 +1,7 @@
 // The list of jobs: newest first, a page at a time, each as it stands now.
 import { useSignal } from "@preact/signals";
 import { useEffect } from "preact/hooks";
-import { getJson, isFinal } from "./api";
+import { getJson, isFinal, refused } from "./api";
 import { between, when } from "./format";
 import { useLoaded, usePolling } from "./load";
 import { Status, Trouble } from "./parts";
@@ -50,7 +50,11 @@ export function Jobs() {
         error.value = reason as Error;
       }
     },
-    () => (page.value?.jobs.some((job) => !isFinal(job.status)) ? 1000 : 3000),
+    () => {
+      // Not again before there is another key.
+      if (refused(error.value)) return null;
+      return page.value?.jobs.some((job) => !isFinal(job.status)) ? 1000 : 3000;
+    },
     [query.toString()],
   );
   const step = (cursor: string | undefined) => go(to("/", { ...Object.fromEntries(query), cursor }));

@@ -97,7 +97,12 @@ function upward(y: Scale, height: number): [number, string][] {
   }
   const even = scaleLinear().domain([low, high]);
   const ticks = even.ticks(Math.max(2, Math.floor(height / 32)));
-  return ticks.map((tick) => [tick, plain(tick, even.tickFormat(ticks.length))]);
+  // On a logarithmic axis they come ever closer.
+  const apart = ticks.reduce<number[]>((kept, tick) => {
+    const last = kept.at(-1);
+    return last !== undefined && y(last) - y(tick) < 14 ? kept : [...kept, tick];
+  }, []);
+  return apart.map((tick) => [tick, plain(tick, even.tickFormat(ticks.length))]);
 }
 
 function Marks({ marks, bounds, active, frame: { x, y, width, height } }: PlotProps & { frame: Frame }) {

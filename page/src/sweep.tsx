@@ -1,7 +1,7 @@
 // A sweep: how far it is, the objective over a parameter, and the table of its points.
 import { useSignal } from "@preact/signals";
 import { useMemo } from "preact/hooks";
-import { download, getJson, post } from "./api";
+import { download, getJson, post, refused } from "./api";
 import { figure, leaf, number, seconds, span, when } from "./format";
 import { usePolling } from "./load";
 import { Action, Section, Status, Trouble } from "./parts";
@@ -27,7 +27,7 @@ export function SweepPage({ id }: { id: string }) {
         error.value = reason as Error;
       }
     },
-    () => (sweep.value?.finished_at ? null : 1000),
+    () => (sweep.value?.finished_at || refused(error.value) ? null : 1000),
     [id],
   );
   const { value } = sweep;

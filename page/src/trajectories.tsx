@@ -51,6 +51,7 @@ function boundsOf(name: string, result: Partial<Result>): Pick<Quantity, "bounds
   return { bounds, active: constraint?.active ?? [] };
 }
 
+/** `result` says units, bounds, and the switching times if they are those of all flights. */
 export function Trajectories({ flights, result }: { flights: Flight[]; result: Partial<Result> }) {
   const window = useSignal<[number, number] | null>(null);
   const cursor = useSignal<number | null>(null);
@@ -58,8 +59,7 @@ export function Trajectories({ flights, result }: { flights: Flight[]; result: P
   const domain = useMemo(() => span(flights.flatMap(({ trajectory: { t } }) => [t[0] ?? 0, t.at(-1) ?? 1])), [flights]);
   const unit = result.resolved?.document.problem.units?.t;
   const axis: Axis = { label: withUnit("t", unit), domain, window, cursor };
-  // With several flights on one plot, nobody would know whose switches they are.
-  const switches = flights.length === 1 ? Object.entries(result.switching ?? {}) : [];
+  const switches = Object.entries(result.switching ?? {});
   const marks = switches.flatMap(([, found]) => found.times);
   return (
     <>

@@ -31,8 +31,9 @@ export interface Level {
 /** The coefficients of one quantity, by level; times relative to the whole, from 0 to 1. Empty without wavelets. */
 export function levelsOf({ basis }: Coefficients, values: number[]): Level[] {
   if (!basis.order?.includes("V0")) return [];
-  const units = basis.L ?? basis.scaling_functions ?? 1;
-  const coarse = basis.L ? basis.L + 3 : units;
+  const coarse = basis.L ? basis.L + 3 : (basis.scaling_functions ?? values.length);
+  // Wavelets of level 0; each level has twice as many as the one before it.
+  const units = basis.L ?? (values.length - coarse) / (2 ** (basis.order.length - 1) - 1);
   let start = 0;
   return basis.order.map((name, index) => {
     const level = index - 1;
@@ -60,7 +61,9 @@ function together(sizes: number[], active: number[] | undefined, places: number)
 export function Wavelets({ result }: { result: Result }) {
   const { coefficients } = result;
   if (!coefficients) return null;
-  const pictures = [coefficients.states, coefficients.controls].flatMap((group) =>
+  // Of Daubechies' functions only controls consist.
+  const states = coefficients.basis.L ? coefficients.states : {};
+  const pictures = [states, coefficients.controls].flatMap((group) =>
     Object.entries(group ?? {}).map(([name, values]) => ({ name, levels: levelsOf(coefficients, values) })),
   );
   const shown = pictures.filter(({ levels }) => levels.length > 0);

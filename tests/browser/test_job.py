@@ -6,11 +6,13 @@ import json
 import os
 import subprocess
 import sys
+from collections.abc import Callable
 
 import httpx
 import pytest
 from playwright.sync_api import expect
 
+from tests.bad_documents import FLEXIBLE_SPACECRAFT
 from tests.browser.conftest import Visitor
 
 
@@ -75,6 +77,23 @@ def test_the_wavelets_and_the_verification_are_shown(
         expect(rows).to_have_count(len(result["verification"]["checks"]))
         expect(rows.filter(has_text="passed")).to_have_count(len(result["verification"]["checks"]))
         expect(page.get_by_role("region", name="Errors of each state").locator("tbody tr")).to_have_count(4)
+
+
+def test_every_plant_and_every_reason_is_shown(visitor: Visitor, submit: Callable[..., str]) -> None:
+    problem = FLEXIBLE_SPACECRAFT["problem"]
+    near = {"theta": "pi/6", "alpha": [-0.01, 0.01], "theta_dot": [-0.01, 0.01], "alpha_dot": [-0.01, 0.01]}
+    plants = {"cases": [{"name": "soft", "parameters": {"k": 95}}], "objective": "nominal"}
+    both = submit(name="Two plants", problem={**problem, "final_state": near, "scenarios": plants})
+    with visitor.page(f"#/jobs/{both}") as page:
+        expect(page.locator(".legend li")).to_have_text([" nominal", " soft"])
+        expect(page.locator(".plot[data-name=alpha] .curve path")).to_have_count(2)
+    hasty = submit(name="Too hasty", problem={**problem, "final_time": [1, 5]})
+    with visitor.page(f"#/jobs/{hasty}") as page:
+        expect(page.locator(".trouble")).to_contain_text("No feasible point was found")
+        expect(page.get_by_role("region", name="No feasible point found")).to_contain_text(
+            "theta: violated by"
+        )
+        expect(page.locator(".verdict")).to_contain_text("Not verified")
 
 
 def test_two_jobs_are_laid_over_one_another(visitor: Visitor, solved: str, other: str) -> None:
