@@ -97,12 +97,12 @@ class Reader:
             if not (block.language == "json" and self._said_of(parsed)):
                 assert_valid(parsed)
             return
-        assert block.language in ("sh", "python"), f"what is to become of a block of {block.language}?"
         if block.marked:
             self.said = None
             if block.language == "sh":
                 assert_known_commands(block.text)
             return
+        assert block.language in ("sh", "python"), f"what is to become of a block of {block.language}?"
         self.said = self._run(block.text) if block.language == "sh" else self._exec(block.text)
 
     def _run(self, text: str) -> str:
