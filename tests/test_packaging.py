@@ -60,11 +60,19 @@ def test_there_are_an_api_workers_and_a_broker() -> None:
         "security_opt",
         "stop_grace_period",
         "secrets",
+        "user",
+        "networks",
     }
     for name, service in SERVICES.items():
         assert set(service) <= known, name
         assert IMAGE.fullmatch(service["image"]), f"{name}: a pinned image"
         assert service["restart"] == "unless-stopped"
+        assert service["read_only"] is True
+        assert service["cap_drop"] == ["ALL"]
+        assert service["security_opt"] == ["no-new-privileges:true"]
+        assert not service["user"].startswith("0")
+        assert {"cpus", "memory", "pids"} <= set(service["deploy"]["resources"]["limits"])
+        assert "inside" in service["networks"]
 
 
 def test_the_commands_of_the_containers_are_commands_of_ours() -> None:
