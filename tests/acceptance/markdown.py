@@ -43,6 +43,7 @@ _BLOCK = re.compile(r"^```(\w+)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 _MARK = re.compile(r"\*Not run by the tests: [^*]+\*\s*\Z")
 _TARGETS = set(re.findall(r"^([\w-]+):", (ROOT / "Makefile").read_text(), re.MULTILINE))
 _NUMBER = re.compile(r"-?\d+(?:\.\d*(?:e[-+]?\d+)?|e-\d+)")
+_BETWEEN = {"|", "&", "&&", "||", ";"}
 _CHANGING = re.compile(r"[0-9a-f]{8}(?:-[0-9a-f]{4}){3}-[0-9a-f]{12}|\d{4}-\d\d-\d\dT[\d:.]+Z")
 """Ids and times, which differ from one run to the next."""
 
@@ -230,9 +231,9 @@ def assert_known_commands(script: str) -> None:
 
 
 def _ours(words: list[str]) -> Iterator[list[str]]:
-    """Yield what follows ``ondelette`` up to the end of the command."""
+    """Yield what follows ``ondelette``, where it begins a command, up to the end of that."""
     for place, word in enumerate(words):
-        if word == "ondelette":
+        if word == "ondelette" and (place == 0 or words[place - 1] in _BETWEEN):
             rest = words[place + 1 :]
-            ends = [index for index, other in enumerate(rest) if other in ("|", ">", "&", "&&", "||", ";")]
+            ends = [index for index, other in enumerate(rest) if other in {*_BETWEEN, ">"}]
             yield rest[: min(ends, default=len(rest))]
