@@ -33,9 +33,9 @@ from app.client_answers import (
     SweepTimeout,
     WaitTimeout,
 )
-from app.client_calls import Call, Lost, Outcome, Steps
 from app.client_events import SILENCE, Event, Following
 from app.client_result import MissingExtraError, NotFiniteError, Result, Samples
+from app.client_steps import Call, Lost, Outcome, Steps, ask
 from solvers.builders import MINIMUM_TIME, Problem
 
 __all__ = [
@@ -126,7 +126,7 @@ class Client:
         return response
 
     def _carry_out(self, wanted: Call[T] | Steps[T]) -> T:
-        steps = calls.ask(wanted) if isinstance(wanted, Call) else wanted
+        steps = ask(wanted) if isinstance(wanted, Call) else wanted
         outcome: Outcome = None
         try:
             while True:
@@ -226,7 +226,7 @@ class AsyncClient:
         return response
 
     async def _carry_out(self, wanted: Call[T] | Steps[T]) -> T:
-        steps = calls.ask(wanted) if isinstance(wanted, Call) else wanted
+        steps = ask(wanted) if isinstance(wanted, Call) else wanted
         outcome: Outcome = None
         try:
             while True:

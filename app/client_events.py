@@ -11,7 +11,8 @@ from urllib.parse import quote
 import httpx
 
 from app.client_answers import ServerUnreachable
-from app.client_calls import FINAL, RETRIES, Call, Patience
+from app.client_calls import FINAL
+from app.client_steps import RETRIES, Call, Patience
 
 # The service is never silent for longer than a third of this, in seconds.
 SILENCE = 45.0

@@ -1,4 +1,4 @@
-"""What a client asks of the service about flights; see `app.client_calls`."""
+"""What a client asks of the service about flights; see `app.client_steps`."""
 
 from __future__ import annotations
 
@@ -10,7 +10,8 @@ from urllib.parse import quote
 import httpx
 
 from app.client_answers import Job, JobFailed, RequestRefused
-from app.client_calls import Call, Steps, ask, read_json, wait
+from app.client_calls import wait
+from app.client_steps import Call, Steps, ask, read_json
 
 
 def submit_flights(

@@ -1,4 +1,4 @@
-"""What a client asks of the service about sweeps; see `app.client_calls`."""
+"""What a client asks of the service about sweeps; see `app.client_steps`."""
 
 from __future__ import annotations
 
@@ -9,7 +9,8 @@ from typing import Any, Literal
 from urllib.parse import quote
 
 from app.client_answers import SweepTimeout
-from app.client_calls import FINAL, LONG_POLL, Call, Document, Steps, ask, plain, read_bytes, read_json
+from app.client_calls import FINAL, LONG_POLL, Document, plain
+from app.client_steps import Call, Steps, ask, read_bytes, read_json
 
 Sweep = dict[str, Any]
 Grid = Mapping[str, Any]

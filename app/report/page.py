@@ -11,15 +11,11 @@ from typing import TYPE_CHECKING, Any
 
 from markupsafe import Markup
 
+from app.report.answer_tables import answer_tables
+from app.report.cells import figure
 from app.report.equations import Block, model_blocks, problem_blocks
-from app.report.tables import (
-    answer_tables,
-    figure,
-    problem_tables,
-    provenance_table,
-    review_tables,
-    verification_tables,
-)
+from app.report.problem_tables import problem_tables
+from app.report.review_tables import provenance_table, review_tables, verification_tables
 from solvers.plot import render_parts, units_of, with_unit
 from solvers.spec import JobSpec, PiecewiseMethod, check_document
 

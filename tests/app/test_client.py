@@ -287,7 +287,7 @@ def test_a_connection_that_dies_is_tried_once_more() -> None:
 
 
 def test_a_service_that_starts_again_is_waited_for(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("app.client_calls._growing", lambda earlier: 0.01)
+    monkeypatch.setattr("app.client_steps._growing", lambda earlier: 0.01)
     running = (200, {}, json.dumps({**JOB, "status": "running"}).encode())
     with answering(running, None, None, None, OK) as (url, asked), Client(url) as client:
         assert client.wait("1") == JOB
