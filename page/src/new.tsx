@@ -23,22 +23,25 @@ type Verdict = { size: Size } | { faults: Fault[] } | { error: Error } | null;
 
 const FIRST = "flexible_spacecraft";
 
+/** What the form is filled with: the cases, the methods, and the document of a case or of an earlier job. */
 interface Shelf {
   cases: Case[];
   methods: Method[];
+  named: string;
+  from: string | null;
   start: Json;
 }
 
-/** What the form is filled with: the cases, the methods, and the document to begin with. */
 async function shelf(query: URLSearchParams, signal: AbortSignal): Promise<Shelf> {
   const from = query.get("from");
-  const path = from ? `/v1/jobs/${encodeURIComponent(from)}/spec` : `/v1/cases/${query.get("case") ?? FIRST}`;
+  const named = from ? "" : (query.get("case") ?? FIRST);
+  const path = from ? `/v1/jobs/${encodeURIComponent(from)}/spec` : `/v1/cases/${encodeURIComponent(named)}`;
   const [{ cases }, { methods }, start] = await Promise.all([
     getJson<{ cases: Case[] }>("/v1/cases", signal),
     getJson<{ methods: Method[] }>("/v1/methods", signal),
     getJson<Json>(path, signal),
   ]);
-  return { cases, methods, start };
+  return { cases, methods, named, from, start };
 }
 
 export function NewJob() {
@@ -48,15 +51,15 @@ export function NewJob() {
     <>
       <h1 tabIndex={-1}>New job</h1>
       <Trouble error={error.value} />
-      {data.value && <Form key={query.toString()} {...data.value} query={query} />}
+      {/* Another form for another document, once that is there. */}
+      {data.value && <Form key={data.value.from ?? data.value.named} {...data.value} />}
     </>
   );
 }
 
-function Form({ cases, methods, start, query }: Shelf & { query: URLSearchParams }) {
+function Form({ cases, methods, named, from, start }: Shelf) {
   const editor = useRef<Editor | null>(null);
   const verdict = useSignal<Verdict>(null);
-  const from = query.get("from");
   const check = async (text: string): Promise<Fault[]> => {
     try {
       verdict.value = { size: await post<Size>("/v1/validate", text) };
@@ -85,26 +88,28 @@ function Form({ cases, methods, start, query }: Shelf & { query: URLSearchParams
   };
   const { value } = verdict;
   const good = value !== null && "size" in value;
+  // A text that is not JSON can only be changed by hand.
+  const broken = value === null || "error" in value;
   return (
     <>
       <div class="filters">
         <label class="wide">
           Case
-          <select name="case" value={from ? "" : (query.get("case") ?? FIRST)} onChange={(event) => go(to("/new", { case: event.currentTarget.value }))}>
+          <select name="case" value={named} onChange={(event) => go(to("/new", { case: event.currentTarget.value }))}>
             {from && <option value="">the document of an earlier job</option>}
             {cases.map(({ name, title }) => <option key={name} value={name}>{title}</option>)}
           </select>
         </label>
         <label>
           Method
-          <select name="method" value={good ? value.size.method : ""} onChange={choose}>
+          <select name="method" value={good ? value.size.method : ""} onChange={choose} disabled={broken}>
             {!good && <option value="">–</option>}
             {methods.map(({ name, title }) => <option key={name} value={name}>{title}</option>)}
           </select>
         </label>
         {from && (
           <label class="check">
-            <input type="checkbox" onChange={(event) => put("warm_start", event.currentTarget.checked ? from : null)} />
+            <input type="checkbox" disabled={broken} onChange={(event) => put("warm_start", event.currentTarget.checked ? from : null)} />
             start from its answer
           </label>
         )}

@@ -6,7 +6,6 @@ import json
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any, Literal
 
 import httpx
@@ -112,7 +111,3 @@ def solved(submit: Callable[..., str]) -> str:
 def other(submit: Callable[..., str]) -> str:
     """The id of another job that has succeeded, on a finer mesh."""
     return submit(name="The same, finer", tags=["browser"], method={"name": "swcm", "J": 5})
-
-
-AXE = (Path(__file__).parent / "data" / "axe.min.js").read_text()
-"""The checker of accessibility, axe-core: runs inside a page."""

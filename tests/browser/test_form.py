@@ -23,7 +23,10 @@ def write(page: Page, document: object) -> None:
 
 
 def test_a_case_is_run_and_its_curve_is_the_answer(visitor: Visitor, service: httpx.Client) -> None:
-    with visitor.page("#/new?case=brachistochrone") as page:
+    with visitor.page("#/new") as page:
+        expect(editor(page)).to_contain_text("Flexible spacecraft")
+        page.get_by_label("Case").select_option("brachistochrone")
+        expect(editor(page)).to_contain_text("Brachistochrone")
         expect(page.get_by_text("✓ valid")).to_be_visible()
         page.get_by_label("Method").select_option("hermite_simpson")
         expect(editor(page)).to_contain_text('"hermite_simpson"')
