@@ -14,12 +14,13 @@ from solvers.backends import NUMPY
 from solvers.coast import SAMPLES as COAST_SAMPLES
 from solvers.elastic import Wish
 from solvers.expressions import Expression
-from solvers.flights.commands import Commands
+from solvers.flights.commands import Commands, inside
 from solvers.flights.draws import Draws
 from solvers.flights.model import Fleet
 from solvers.flights.population import NODES, Population
 from solvers.problem import OptimalControlProblem
 from solvers.quantities import NamedQuantity
+from solvers.time_knots import corner_times
 from solvers.trajectory import Trajectory
 from solvers.verify import SMALLEST_SCALE
 
@@ -130,7 +131,8 @@ class Block:
             watch((t - begin) / whole, self._population.steps)
 
         self._tell = tell
-        stops = _stops(self._commands.breakpoints, SAMPLES)
+        corners = corner_times(self._problem)
+        stops = _stops(self._commands.breakpoints, np.append(corners, np.linspace(begin, end, SAMPLES)))
         controls = first = self._felt(stops[0], stops[1], 0.0)
         self._look(begin, first)
         for start, stop in pairwise(stops):
@@ -170,7 +172,7 @@ class Block:
     def _coast(self, end: float, seconds: float) -> dict[str, Vector]:
         """Fly on, and return by how much states and outputs swing."""
         seen, times = Extremes(), np.linspace(end, end + seconds, COAST_SAMPLES)
-        for start, stop in pairwise([end, *times]):
+        for start, stop in pairwise([end, *_stops(times, corner_times(self._problem))]):
             self._population.advance(start, stop)
             states = self._population.states
             felt = self._fleet.controls(states, np.zeros(len(self._problem.controls)))
@@ -180,16 +182,15 @@ class Block:
 
     def _begin(self, start: float, length: float) -> None:
         self._tell(start)
-        self._step = start, length
-        self._told = self._commands.during(start, start + length, NODES)
+        self._times = inside(start, start + length, NODES)
+        self._told = self._commands.at(self._times)
 
     def _rate(self, stage: int, states: Vector, rates: Vector) -> None:
-        start, length = self._step
-        self._fleet.rate(states, self._told[:, stage], start + NODES[stage] * length, rates)
+        self._fleet.rate(states, self._told[:, stage], self._times[stage], rates)
 
     def _felt(self, start: float, stop: float, part: float) -> Vector:
         """The controls (m, P) at a part of a step."""
-        told = self._commands.during(start, stop, np.array([part]))[:, 0]
+        told = self._commands.at(inside(start, stop, np.array([part])))[:, 0]
         return self._fleet.controls(self._population.states, told)
 
     def _look(self, t: float, controls: Vector) -> None:
@@ -235,10 +236,10 @@ def _with_first(nominal: float, drawn: Vector | None, runs: int) -> Vector:
     return np.append(nominal, np.full(runs, nominal) if drawn is None else drawn)
 
 
-def _stops(breakpoints: Vector, samples: int) -> Vector:
-    """The breakpoints, and instants equally spaced between the first and the last."""
+def _stops(breakpoints: Vector, times: Vector) -> Vector:
+    """The breakpoints, and all times between the first and the last that are none already."""
     start, end = breakpoints[0], breakpoints[-1]
-    times = np.linspace(start, end, samples)
+    times = times[(times > start) & (times < end)]
     after = np.clip(np.searchsorted(breakpoints, times), 1, breakpoints.size - 1)
     nearest = np.minimum(np.abs(times - breakpoints[after - 1]), np.abs(breakpoints[after] - times))
     return np.union1d(breakpoints, times[nearest > _TOUCHING * (end - start)])

@@ -16,7 +16,6 @@ from solvers.trajectory import Trajectory
 
 Vector = NDArray[np.float64]
 
-# Of a step: so far inside of it are its ends, where a control that jumps belongs to the step.
 _INSIDE = 1e-11
 
 
@@ -48,11 +47,9 @@ class Commands:
         every = np.concatenate([[self.start, self.end], *(own + delay for delay in np.unique(self.delays))])
         return np.unique(every)
 
-    def during(self, start: float, stop: float, parts: Vector) -> Vector:
-        """Commands (m, K) at these parts of a step that no breakpoint is inside of."""
-        margin = _INSIDE * (stop - start) + 8.0 * np.spacing(max(abs(start), abs(stop)))
-        times = np.clip(start + (stop - start) * parts, start + margin, stop - margin)
-        values = np.zeros((self.delays.size, parts.size))
+    def at(self, times: Vector) -> Vector:
+        """Commands (m, K) at K times."""
+        values = np.zeros((self.delays.size, times.size))
         for delay in np.unique(self.delays):
             own = times - delay
             given = (own > self.flown.t0) & (own < self.flown.tf)
@@ -60,6 +57,12 @@ class Commands:
                 late = self.delays == delay
                 values[np.ix_(late, given)] = self.model.clipped(self.flown.tau(own[given]))[late]
         return values
+
+
+def inside(start: float, stop: float, parts: Vector) -> Vector:
+    """The times at these parts of a step, its ends a little inside: what jumps there belongs to the step."""
+    margin = _INSIDE * (stop - start) + 8.0 * np.spacing(max(abs(start), abs(stop)))
+    return np.clip(start + (stop - start) * parts, start + margin, stop - margin)
 
 
 def commands_of(

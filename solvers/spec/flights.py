@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from itertools import islice
 from typing import Annotated, Any, Literal
@@ -218,12 +218,24 @@ def check_flights(document: object, answered: Mapping[str, Any]) -> FlightsSpec:
         spec = FlightsSpec.model_validate(document, context=scope)
     except ValidationError as error:
         faults += islice(translate(error, scope, FlightsSpec), MAX_FAULTS)
+    else:
+        faults += _built_in(spec, job)
     if document.get("use") == "command" and not document.get("command") and job.output.command is None:
         detail = "the job has no output.command; say how the table is made in 'command', or use 'control'"
         faults.append(Fault("/use", detail))
     if spec is None or faults:
         raise DocumentError(dict.fromkeys(faults))
     return spec
+
+
+def _built_in(spec: FlightsSpec, job: JobSpec) -> Iterator[Fault]:
+    """The drawn parameters of which data tables are made: their numbers are the same for all flights."""
+    for name in spec.parameters:
+        changing = {name, *job.problem.model.depending_on([name])}
+        for table, item in job.problem.tables().items():
+            if not item.names.isdisjoint(changing):
+                detail = f"unsupported: the data table {quoted(table)} is made of it"
+                yield Fault(f"/parameters/{name}", detail, "unsupported")
 
 
 def _not_flown(job: JobSpec) -> str | None:

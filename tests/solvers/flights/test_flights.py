@@ -312,6 +312,21 @@ def test_rated_controls_are_flown_and_what_names_their_rate_is_said(rigid_body: 
     assert result["outputs"] == {}
 
 
+def test_a_data_table_over_time_is_met_at_its_corners(body: Document) -> None:
+    """A push of 0.1 from t = 0.7 on, while the command is late: each has its own jumps."""
+    answered = copy.deepcopy(body)
+    document = answered["resolved"]["document"]
+    document["method"] = {"name": "swcm"}
+    push = {"x": [0, 0.7, 3], "values": [0, 0.1, 0], "interpolation": "previous", "outside": "hold"}
+    document["problem"]["data"] = {"push": push}
+    document["problem"]["model"]["force"] = ["push(t)"]
+    result = flown(answered, runs=1, actuator={"u": {"delay": 0.05}}, coast=2)
+    assert result["final"]["x"]["nominal"] == pytest.approx(1.0 + 0.1 * 1.35**2 / 2.0, abs=1e-11)
+    # It ends at t = 3 with the speed 0.23: a second and 0.05 s later the flight is over.
+    far = 0.1 * (0.135 * 0.95 / 0.1 + 0.95**2 / 2.0) + 0.23 * 1.05
+    assert result["residual"]["x"]["nominal"] == pytest.approx(far / 2.0, abs=1e-11)
+
+
 class Impatient:
     """Asks to stop after so many questions."""
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 from typing import Any
 
 import pytest
@@ -112,6 +113,14 @@ def test_models_that_look_into_tables_are_not_flown_so() -> None:
     document = load_case("edt_dipole")
     document["method"] = {"name": "gpm"}
     assert "computes by tables" in faults({}, document)[""][1]
+
+
+def test_what_a_data_table_is_made_of_is_the_same_for_all_flights() -> None:
+    answered = copy.deepcopy(FLEXIBLE_SPACECRAFT)
+    table = {"x": [0, 1], "values": [0, "2*k"], "interpolation": "linear", "outside": "hold"}
+    answered["problem"]["data"] = {"stiff": table}
+    found = faults({"parameters": {"k": {"values": [1]}, "m": {"values": [1]}}}, answered)
+    assert found == {"/parameters/k": ("unsupported", "unsupported: the data table 'stiff' is made of it")}
 
 
 def test_the_schema_describes_what_is_read() -> None:
