@@ -63,8 +63,15 @@ def sentence(diagnosis: Sequence[Mapping[str, Any]]) -> list[str]:
     """What would have to give, for the message of a result; nothing where nothing has to."""
     if not diagnosis:
         return []
-    gives = [f"{item['pointer']} ('{item['name']}') by {item['violation']:.4g}" for item in diagnosis]
+    gives = [f"{_label(item)} by {item['violation']:.4g}" for item in diagnosis]
     return [f"The least that would have to give, the dynamics kept exactly: {'; '.join(gives)}."]
+
+
+def _label(item: Mapping[str, Any]) -> str:
+    """The pointer, and the name where that says more."""
+    pointer, name = item["pointer"], item["name"]
+    label = pointer if pointer.endswith(f"/{name}") else f"{pointer} ('{name}')"
+    return f"{label} of '{item['scenario']}'" if "scenario" in item else str(label)
 
 
 def _report(

@@ -88,7 +88,7 @@ class Fleet:
         n, lagging = self.states, self._lagging.size
         inputs, outputs = self._kernel.inputs, self._kernel.outputs
         inputs[:n] = states[:n]
-        inputs[n : n + commands.size] = self.controls(states, commands)
+        self._feel(states, commands, inputs[n : n + commands.size])
         inputs[-2] = t
         self._kernel.run()
         rates[:n] = outputs[:n]
@@ -97,9 +97,13 @@ class Fleet:
 
     def controls(self, states: Vector, commands: Vector) -> Vector:
         """The controls (m, P) that the model feels."""
-        felt = np.repeat(commands[:, None], states.shape[1], axis=1)
-        felt[self._lagging] = states[self.states : self.states + self._lagging.size]
+        felt = np.empty((commands.size, states.shape[1]))
+        self._feel(states, commands, felt)
         return felt
+
+    def _feel(self, states: Vector, commands: Vector, felt: Vector) -> None:
+        felt[:] = commands[:, None]
+        felt[self._lagging] = states[self.states : self.states + self._lagging.size]
 
     def switch_off(self, states: Vector) -> None:
         """Set what lagging actuators give to zero."""
