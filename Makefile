@@ -9,6 +9,7 @@
 #   make page-pictures   the pictures of docs/page.md, for which Chromium is needed
 #   make bench   the benchmark tables
 #   make bench-ga   the tables of the genetic algorithm (about 20 minutes), and its figures
+#   make papers  the papers reproduced: their tables and figures in docs/papers (about 15 minutes)
 #   make soak    a service with production values to which a thousand faults happen (about half an hour), then
 #                missions from every side of the Earth (some minutes)
 #   make bench-peers   the same problems by other libraries, each installed into .venv-peers (about 10 minutes)
@@ -18,7 +19,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt
 
-.PHONY: setup demo test check docs serve page page-pictures bench bench-ga bench-peers soak clean
+.PHONY: setup demo test check docs serve page page-pictures bench bench-ga bench-peers papers soak clean
 
 setup: $(VENV)/.installed
 
@@ -56,6 +57,9 @@ bench: setup
 bench-ga: $(VENV)/.installed-dev
 	@$(BIN)/python benchmarks/genetic.py
 	@$(BIN)/python benchmarks/genetic_figures.py
+
+papers: $(VENV)/.installed-dev
+	@$(BIN)/python benchmarks/papers.py
 
 PEERS := $(patsubst benchmarks/peers/requirements-%.txt,%,$(wildcard benchmarks/peers/requirements-*.txt))
 

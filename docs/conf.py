@@ -17,6 +17,7 @@ exclude_patterns = ["_ext"]
 myst_enable_extensions = ["dollarmath", "deflist"]
 myst_heading_anchors = 4
 nitpicky = True
+html_show_copyright = False
 
 html_theme = "furo"
 html_title = f"ondelette {release}"

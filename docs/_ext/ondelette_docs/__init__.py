@@ -34,10 +34,10 @@ def _fill(app: Sphinx, docname: str, source: list[str]) -> None:
             for block in re.findall(r"```\{toctree\}.*?```", source[0], re.DOTALL)
             for name in _ENTRY.findall(block)
         }
-        pages = sorted(page.stem for page in Path(app.srcdir).glob("*.md"))
-        source[0] = source[0].replace(
-            _REST, "\n".join(page for page in pages if page not in {*listed, docname})
-        )
+        folder = (Path(app.srcdir) / docname).parent
+        pages = sorted(page.stem for page in folder.glob("*.md"))
+        rest = [page for page in pages if page not in {*listed, Path(docname).name}]
+        source[0] = source[0].replace(_REST, "\n".join(rest))
 
 
 def setup(app: Sphinx) -> dict[str, Any]:

@@ -1,6 +1,6 @@
-"""Draw the figures of piecewise.md: the published missions as published (left) and with look-ahead (right).
+"""Draws the figures of the published missions: as published (left) and with look-ahead (right).
 
-python docs/methods/draw_piecewise.py
+.venv/bin/python benchmarks/piecewise_figures.py
 """
 
 from __future__ import annotations
@@ -25,7 +25,8 @@ Vector = NDArray[np.float64]
 Row = tuple[str, Callable[["Flight"], Sequence[Vector]], Sequence[float]]
 
 HERE = Path(__file__).parent
-BENCH = runpy.run_path(str(HERE.parents[1] / "benchmarks" / "piecewise.py"))
+FIGURES = HERE.parent / "docs" / "methods"
+BENCH = runpy.run_path(str(HERE / "piecewise.py"))
 POINTS = 600
 RADIUS = 6_378_137.0
 
@@ -75,7 +76,7 @@ def draw(name: str, flights: Sequence[Flight], rows: Sequence[Row], unit: str) -
             axis.set_ylabel(label, fontsize=8)
             axis.grid(visible=True, linewidth=0.4, alpha=0.5)
     with matplotlib.rc_context({"svg.fonttype": "path", "svg.hashsalt": "ondelette"}):
-        figure.savefig(HERE / f"{name}.svg", metadata={"Date": None})
+        figure.savefig(FIGURES / f"{name}.svg", metadata={"Date": None})
 
 
 def main() -> None:
