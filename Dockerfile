@@ -14,7 +14,8 @@ RUN /opt/ondelette/bin/pip install --no-cache-dir --no-deps .
 
 FROM python:3.11.14-slim-bookworm
 RUN groupadd --system --gid 10001 ondelette \
- && useradd --system --uid 10001 --gid ondelette --create-home --home-dir /var/lib/ondelette ondelette
+ && useradd --system --uid 10001 --gid ondelette --create-home --home-dir /var/lib/ondelette ondelette \
+ && install --directory --owner ondelette --group ondelette /var/lib/ondelette/results
 COPY --from=build /opt/ondelette /opt/ondelette
 # Nothing is written but to /tmp, so that the root may be read-only.
 ENV PATH=/opt/ondelette/bin:$PATH \

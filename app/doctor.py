@@ -19,6 +19,8 @@ from redis.exceptions import RedisError
 from app.embedded.binary import ServerBinary, find_server
 from app.embedded.errors import ServiceStartError
 from app.settings import Settings
+from worker.blobs import Blobs
+from worker.errors import ResultsUnavailable
 from worker.keys import KeyStore
 from worker.queue import JobQueue, make_celery
 from worker.store import JobStore, connect
@@ -49,6 +51,7 @@ def examine(settings: Settings, data: Path | None = None) -> Iterator[Finding]:
     yield _files()
     if data is not None:
         yield _disk(data)
+    yield _results(settings)
     yield _server()
     with connect(settings) as redis:
         try:
@@ -81,6 +84,16 @@ def _disk(data: Path) -> Finding:
     there = next(folder for folder in (data, *data.resolve().parents) if folder.exists())
     free = shutil.disk_usage(there).free / 2**30
     return Finding("disk", "ok" if free >= _FREE_GIB else "error", f"{free:.1f} GiB free for {data}")
+
+
+def _results(settings: Settings) -> Finding:
+    if settings.results is None:
+        return Finding("results", "ok", "in the broker's memory")
+    try:
+        Blobs(settings.results).probe()
+    except ResultsUnavailable as error:
+        return Finding("results", "error", str(error))
+    return Finding("results", "ok", f"written to {settings.results}")
 
 
 def _server() -> Finding:

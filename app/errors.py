@@ -14,7 +14,7 @@ from starlette.exceptions import HTTPException
 from app.problems import PROBLEMS
 from solvers.errors import DocumentError, Fault, OndeletteError
 from worker.claims import KeyInFlight, KeyReused
-from worker.errors import JobActive, JobGone, JobNotFound, QueueUnavailable
+from worker.errors import JobActive, JobGone, JobNotFound, QueueUnavailable, ResultLost, ResultsUnavailable
 
 PROBLEM_JSON = "application/problem+json"
 MAX_FAULTS = 50
@@ -101,6 +101,8 @@ _AWAY = ("unavailable", "The broker does not answer or takes no more; nothing wa
 _TRANSLATIONS: Mapping[type[Exception], tuple[str, str]] = {
     JobNotFound: ("not-found", "There is no job with this id."),
     JobGone: ("gone", "The job was erased, or the time for which it was kept has passed."),
+    ResultLost: ("result-lost", PROBLEMS["result-lost"].explanation),
+    ResultsUnavailable: ("unavailable", "The place where results are kept does not answer; try again."),
     JobActive: ("conflict", "The job is still active; cancel it first, or wait until it has ended."),
     KeyInFlight: ("conflict", "The first request with this Idempotency-Key is not answered yet; try again."),
     KeyReused: ("key-reused", PROBLEMS["key-reused"].explanation),

@@ -50,6 +50,12 @@ PROBLEMS: Mapping[str, Problem] = {
         "No result",
         "The job has ended without any iterate, so it has no result; its error says why.",
     ),
+    "result-lost": Problem(
+        404,
+        "Result lost",
+        "The job had a result, but where results are kept it is not there any more, or damaged. Its document "
+        "is: submit it again, and let the operator look for what was deleted.",
+    ),
     "method-not-allowed": Problem(
         405,
         "Method not allowed",
@@ -138,7 +144,7 @@ PROBLEMS: Mapping[str, Problem] = {
     "unavailable": Problem(
         503,
         "Unavailable",
-        "The broker cannot be reached, or no worker is alive. Nothing was accepted; try again after the "
-        "time that Retry-After gives.",
+        "The broker or the place of results cannot be reached, or no worker is alive. Nothing was accepted; "
+        "try again after the time that Retry-After gives.",
     ),
 }

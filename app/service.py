@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import logging
 import math
 import time
 from collections.abc import Callable, Mapping
@@ -22,7 +23,7 @@ from solvers.sizes import ProblemSize, problem_size
 from solvers.spec import JobSpec, answer_digest, check_text
 from solvers.trajectory import Trajectory
 from worker.claims import Claims
-from worker.errors import JobGone, JobNotFound, QueueUnavailable
+from worker.errors import JobGone, JobNotFound, QueueUnavailable, ResultLost, ResultsUnavailable
 from worker.keys import KeyStore, digest
 from worker.queue import JobQueue, make_celery
 from worker.rates import RateLimiter
@@ -30,6 +31,8 @@ from worker.reconciler import Reconciler
 from worker.records import JobRecord, JobStatus, Priority, SweepPlace, new_job_id
 from worker.store import JobStore, connect
 from worker.sweeps import SweepStore
+
+logger = logging.getLogger(__name__)
 
 _LONGEST_RETRY = 300
 _RECENT = 0.5  # seconds for which the length of the line is taken to be what it was
@@ -183,14 +186,14 @@ class Service:
             there = there and principal.only in (None, self.store.project(spec.warm_start))
             # Flights have no trajectory of their own.
             there = there and self.store.get(spec.warm_start).flights_of is None
-        except (JobNotFound, JobGone):
+        except (JobNotFound, JobGone, ResultLost):
             there = False
         if not there:
             detail = "no job with this id has a result; submit again when it has, or leave the key out"
             raise DocumentError([Fault("/warm_start", detail)])
 
     def _make(self, record: JobRecord, spec: JobSpec, body: bytes) -> None:
-        self.queue_job(record, body, (lambda: self._reuse(record, spec)) if spec.reuse else None)
+        self.queue_job(record, body, (lambda: self._reuse_if_possible(record, spec)) if spec.reuse else None)
 
     def queue_job(self, record: JobRecord, body: bytes, answered: Callable[[], bool] | None = None) -> None:
         """Remember a job and put it into the queue, unless it is ``answered`` at once.
@@ -210,6 +213,13 @@ class Service:
             self.store.discard(record)
             raise
 
+    def _reuse_if_possible(self, record: JobRecord, spec: JobSpec) -> bool:
+        try:
+            return self._reuse(record, spec)
+        except ResultsUnavailable as error:
+            logger.warning("job %s is solved instead of answered: %s", record.id, error)
+            return False
+
     def _reuse(self, record: JobRecord, spec: JobSpec) -> bool:
         """End a job with the answer of an earlier one, if there is one to the same question."""
         resolution = spec.resolved()
@@ -219,7 +229,7 @@ class Service:
         try:
             text = self.store.result(earlier)
             shared = self.store.project(earlier) == record.project
-        except (JobNotFound, JobGone):
+        except (JobNotFound, JobGone, ResultLost):
             return False
         if text is None or not shared:
             return False

@@ -8,10 +8,9 @@ import logging
 from collections.abc import AsyncIterator, Callable
 
 from fastapi.concurrency import run_in_threadpool
-from redis.exceptions import RedisError
 
 from app.webhooks import LOOK, Webhooks
-from worker.errors import QueueUnavailable
+from worker.errors import STORE_AWAY, QueueUnavailable
 from worker.reconciler import Reconciler
 
 logger = logging.getLogger(__name__)
@@ -44,9 +43,9 @@ async def _regularly(look: Callable[[], None], period: float) -> None:
     while True:
         try:
             await run_in_threadpool(look)
-        except (RedisError, QueueUnavailable) as error:
+        except (*STORE_AWAY, QueueUnavailable) as error:
             if not away:
-                logger.warning("the broker does not answer (%s); jobs are looked after when it does", error)
+                logger.warning("the store does not answer (%s); jobs are looked after when it does", error)
             away = True
         else:
             away = False

@@ -41,9 +41,15 @@ def broker() -> Iterator[str]:
 
 
 @pytest.fixture
-def queue_settings(broker: str, request: pytest.FixtureRequest) -> QueueSettings:
+def results() -> str | None:
+    """Where results are kept: in the server, unless a module parametrises this fixture."""
+    return None
+
+
+@pytest.fixture
+def queue_settings(broker: str, results: str | None, request: pytest.FixtureRequest) -> QueueSettings:
     """Settings under which no other test's keys are seen."""
-    return QueueSettings(broker=broker, prefix=f"{request.node.nodeid}:")
+    return QueueSettings(broker=broker, prefix=f"{request.node.nodeid}:", results=results)
 
 
 @pytest.fixture

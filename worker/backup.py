@@ -12,6 +12,7 @@ from __future__ import annotations
 import base64
 import gzip
 import json
+import logging
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -20,11 +21,15 @@ from typing import Any, cast
 from redis import Redis
 
 from solvers.errors import OndeletteError
+from worker.errors import ResultLost
 from worker.records import is_job_id
 from worker.store import JobStore
 
+logger = logging.getLogger(__name__)
+
 _FORMAT = 1
 _JOB = "job:"
+_RESULT = ":result"
 _TRANSIENT = (
     "active:",
     "deadlines",
@@ -32,6 +37,7 @@ _TRANSIENT = (
     "index",
     "queued:",
     "rate:",
+    "results",
     "running",
     "solve.",
     "turn:",
@@ -46,11 +52,15 @@ class BackupError(OndeletteError):
     """The file is not a whole backup."""
 
 
-def write_backup(redis: Redis, prefix: str, path: Path) -> int:
+def write_backup(store: JobStore, path: Path) -> int:
     """Write all keys to ``path``; return how many jobs there are. Nothing is stopped meanwhile.
+
+    Results that are outside of the server are in the file all the same; one that is lost is left out.
+    Raises ResultsUnavailable.
 
     What belongs to one job is read in one step. A job that is added meanwhile may be missing.
     """
+    redis, prefix = store.redis, store.prefix
     jobs = keys = 0
     with gzip.open(path, "wt", encoding="utf-8") as file:
         file.write(_line({"ondelette": "backup", "format": _FORMAT, "created_at": time.time()}))
@@ -60,18 +70,19 @@ def write_backup(redis: Redis, prefix: str, path: Path) -> int:
             # The record last: with it a job that is put back begins to exist.
             parts = [f"{name}:{part}" for part in ("document", "result", "events")] if is_job else []
             family = [*parts, name]
-            for entry in _read(redis, prefix, family):
+            for entry in _with_result(store, _read(redis, prefix, family)):
                 file.write(_line(entry))
                 keys += 1
         file.write(_line({"keys": keys, "jobs": jobs}))
     return jobs
 
 
-def restore_backup(redis: Redis, prefix: str, store: JobStore, path: Path) -> tuple[int, int]:
+def restore_backup(store: JobStore, path: Path) -> tuple[int, int]:
     """Put a backup back; return how many jobs were put back and how many were there already.
 
-    What is there stays as it is. Raises BackupError before anything is written.
+    What is there stays as it is. Raises BackupError before anything is written, and ResultsUnavailable.
     """
+    redis, prefix = store.redis, store.prefix
     _check(path)
     restored = present = 0
     for entry in _entries(path):
@@ -80,6 +91,9 @@ def restore_backup(redis: Redis, prefix: str, store: JobStore, path: Path) -> tu
         record = name if job_id is None else _JOB + job_id
         there = bool(redis.exists(prefix + record))
         if not there:
+            if job_id is not None and name.endswith(_RESULT):
+                packed = store.results_kept.put(job_id, "restored", _bytes(entry["value"]))
+                entry |= {"value": _text(packed)}
             _write(redis, prefix + name, entry)
         if job_id is not None and name == record:
             present += there
@@ -87,6 +101,18 @@ def restore_backup(redis: Redis, prefix: str, store: JobStore, path: Path) -> tu
             if not there:
                 store.relist(job_id)
     return restored, present
+
+
+def _with_result(store: JobStore, entries: list[dict[str, Any]]) -> Iterator[dict[str, Any]]:
+    """Put the bytes of a result in the place of a reference to it."""
+    for entry in entries:
+        if entry["key"].endswith(_RESULT):
+            try:
+                entry["value"] = _text(store.results_kept.read(_bytes(entry["value"])))
+            except ResultLost:
+                logger.warning("%s is lost and not in the backup", entry["key"])
+                continue
+        yield entry
 
 
 def _names(redis: Redis, prefix: str) -> Iterator[str]:

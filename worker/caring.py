@@ -63,6 +63,22 @@ class Caring(Keyspace):
                     pipe.zadd(self._deadlines, {job_id: record.deadline_at})
             pipe.execute()
 
+    def tidy_results(self, limit: int) -> int:
+        """Look at up to ``limit`` results outside of the server and delete those that nobody needs.
+
+        Returns how many these were. Raises ResultsUnavailable.
+        """
+        return self.results_kept.tidy(limit, self._result_of)
+
+    def _result_of(self, job_id: str) -> tuple[bool, bytes | None, float]:
+        job, _, result, _ = self._keys(job_id)
+        with self.redis.pipeline(transaction=True) as pipe:
+            pipe.hget(job, "status")
+            pipe.get(result)
+            pipe.ttl(result)
+            status, stored, left = pipe.execute()
+        return status is not None and not JobStatus(status.decode()).final, stored, left
+
     def tidy(self, limit: int) -> int:
         """Drop those of the ``limit`` oldest entries of the list of jobs whose time of keeping has passed."""
         projects = cast(set[bytes], self.redis.smembers(self._projects))

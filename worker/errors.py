@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from redis.exceptions import RedisError
+
 from solvers.errors import OndeletteError
 
 
@@ -17,5 +19,17 @@ class JobActive(OndeletteError):
     """The job has not ended yet, so it cannot be erased."""
 
 
+class ResultLost(OndeletteError):
+    """The job had a result, but where results are kept it is not there any more, or damaged."""
+
+
+class ResultsUnavailable(OndeletteError):
+    """The folder or object store in which results are kept does not answer."""
+
+
 class QueueUnavailable(OndeletteError):
     """The broker did not take the job; nothing was queued and nothing is remembered of it."""
+
+
+STORE_AWAY = (RedisError, ResultsUnavailable)
+"""What is raised while that which remembers jobs, or their results, is away: it may come back."""

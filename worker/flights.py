@@ -14,7 +14,7 @@ from solvers.progress import Progress
 from solvers.spec import parse_document
 from solvers.spec.flights import check_flights
 from worker import outcome
-from worker.errors import JobGone, JobNotFound
+from worker.errors import JobGone, JobNotFound, ResultLost
 from worker.store import JobStore
 
 
@@ -22,7 +22,7 @@ def read_source(store: JobStore, source: str) -> Mapping[str, Any] | None:
     """Return the result of the job whose answer is flown, None where it is not there any more."""
     try:
         text = store.result(source)
-    except (JobNotFound, JobGone):
+    except (JobNotFound, JobGone, ResultLost):
         return None
     return None if text is None else dict(json.loads(text))
 

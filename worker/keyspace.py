@@ -17,6 +17,7 @@ from worker import scripts
 from worker.errors import JobGone, JobNotFound
 from worker.hooks import HookList
 from worker.records import JobRecord, Priority, is_job_id
+from worker.results import Results
 from worker.settings import QueueSettings
 
 _MEMORY = 30 * 86_400
@@ -32,7 +33,10 @@ class Keyspace:
         self.channel = f"{settings.prefix}status"
         """Channel on which every event of a job is published as ``<id> <event>``."""
         self.hooks = HookList(redis, settings)
-        self._prefix = settings.prefix
+        self.results_kept = Results(redis, settings)
+        """What stands under the result's key of a job, packed and unpacked."""
+        self.prefix = settings.prefix
+        """How every key begins."""
         self._index = f"{settings.prefix}index"
         self._queued = {priority: f"{settings.prefix}queued:{priority}" for priority in Priority}
         self._deadlines = f"{settings.prefix}deadlines"
@@ -70,8 +74,13 @@ class Keyspace:
     def take_turn(self, task: str, seconds: float) -> bool:
         """Tell whether this process is the one that does ``task`` during the next ``seconds``."""
         return bool(
-            self.redis.set(f"{self._prefix}turn:{task}", "", nx=True, px=max(1, round(1000 * seconds)))
+            self.redis.set(f"{self.prefix}turn:{task}", "", nx=True, px=max(1, round(1000 * seconds)))
         )
+
+    def _drop_unused(self, job_id: str, stored: bytes) -> None:
+        """Let go of a result that was not written, unless it was and only the answer was lost on the way."""
+        if self.redis.get(self._keys(job_id)[2]) != stored:
+            self.results_kept.drop(stored)
 
     def _listed(self, register: str, moment: float, limit: int) -> list[str]:
         found = self.redis.zrangebyscore(register, "-inf", f"({moment!r}", start=0, num=limit)
@@ -81,11 +90,11 @@ class Keyspace:
         # Whatever else somebody asks for is no job, and must not become part of a key.
         if not is_job_id(job_id):
             raise JobNotFound(job_id)
-        job = f"{self._prefix}job:{job_id}"
-        return [job, f"{job}:document", f"{job}:result", f"{self._prefix}gone:{job_id}"]
+        job = f"{self.prefix}job:{job_id}"
+        return [job, f"{job}:document", f"{job}:result", f"{self.prefix}gone:{job_id}"]
 
     def _answer_to(self, digest: str) -> str:
-        return f"{self._prefix}answer:{_VERSION}:{digest}"
+        return f"{self.prefix}answer:{_VERSION}:{digest}"
 
     def _stream(self, job_id: str) -> str:
         return f"{self._keys(job_id)[0]}:events"
@@ -111,7 +120,7 @@ class Keyspace:
         return f"{self._index}:{project}"
 
     def _active_of(self, project: str) -> str:
-        return f"{self._prefix}active:{project}"
+        return f"{self.prefix}active:{project}"
 
     def _records(self, ids: Sequence[bytes], index: str) -> list[JobRecord]:
         with self.redis.pipeline(transaction=False) as pipe:

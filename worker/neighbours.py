@@ -12,7 +12,7 @@ from collections.abc import Iterable, Mapping
 from typing import Any
 
 from solvers.trajectory import Trajectory
-from worker.errors import JobGone, JobNotFound
+from worker.errors import JobGone, JobNotFound, ResultLost
 from worker.records import SweepPlace
 from worker.store import JobStore
 from worker.sweeps import SweepStore, ending_of
@@ -59,7 +59,7 @@ class Neighbours:
         for job_id in job_ids:
             try:
                 result = self._store.result(job_id)
-            except (JobNotFound, JobGone):
+            except (JobNotFound, JobGone, ResultLost):
                 continue
             if result is not None:
                 return Trajectory.from_result(json.loads(result))

@@ -10,7 +10,7 @@ import time
 from collections.abc import Callable, Iterator
 from typing import TypeVar
 
-from redis.exceptions import RedisError
+from worker.errors import STORE_AWAY
 
 logger = logging.getLogger(__name__)
 
@@ -22,14 +22,14 @@ _PAUSE = 0.5
 def patiently(ask: Callable[[], T], seconds: float, job_id: str) -> T:
     """Return what ``ask`` returns, asked again and again while the store is away or takes nothing.
 
-    Raises the last RedisError if that lasts for more than ``seconds``. Asking twice must do no harm.
+    Raises the last error if that lasts for more than ``seconds``. Asking twice must do no harm.
     """
     give_up = time.monotonic() + seconds
     away = False
     while True:
         try:
             return ask()
-        except RedisError as error:
+        except STORE_AWAY as error:
             if time.monotonic() > give_up:
                 raise
             if not away:

@@ -39,12 +39,15 @@ class Reconciler:
     def take_turn(self, seconds: float) -> None:
         """Look once, unless another process did within the last ``seconds``.
 
-        Raises RedisError and QueueUnavailable; what was not done then is done at a later turn.
+        Raises RedisError, QueueUnavailable and ResultsUnavailable; what was not done then is done at a later
+        turn.
         """
         if self._store.take_turn("reconciler", seconds):
             self.reclaim()
             self.republish()
             self._store.tidy(_BATCH)
+            # Last: the folder or store that results are in may be away by itself.
+            self._store.tidy_results(_BATCH)
 
     def give_up_overdue(self) -> None:
         """End waiting jobs whose deadline has passed. Cheap: any process may, as often as it likes."""

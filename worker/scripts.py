@@ -97,10 +97,10 @@ local function overdue()
   local deadline = redis.call('HGET', KEYS[1], 'deadline_at')
   return deadline and tonumber(deadline) <= tonumber(ARGV[3])
 end
-local function keep(result)
+local function keep(result, bytes)
   redis.call('SET', KEYS[3], result)
   redis.call('HSET', KEYS[1], 'has_result', '1')
-  note('result', '{"bytes":' .. #result .. '}')
+  note('result', '{"bytes":' .. bytes .. '}')
 end
 local function requeue()
   redis.call('HDEL', KEYS[1], 'owner', 'started_at', 'progress')
@@ -177,9 +177,10 @@ FINISH = (
     _COMMON
     + """
 -- KEYS[12] where the job is to be found by what it answers, if it may be.
--- ARGV[7] owner, ARGV[8] final status, ARGV[9] error as JSON or '', ARGV[10] compressed result or ''.
+-- ARGV[7] owner, ARGV[8] final status, ARGV[9] error as JSON or '', ARGV[10] compressed result, or where it
+-- is (`worker.results`), or '', ARGV[11] how many bytes it has.
 if not mine(ARGV[7]) then return 0 end
-if ARGV[10] ~= '' then keep(ARGV[10]) end
+if ARGV[10] ~= '' then keep(ARGV[10], ARGV[11]) end
 if KEYS[12] then redis.call('SET', KEYS[12], ARGV[1], 'EX', ARGV[4]) end
 finish(ARGV[8], ARGV[9])
 return 1
@@ -190,10 +191,10 @@ return 1
 ANSWER = (
     _COMMON
     + """
--- ARGV[7] id of the earlier job, ARGV[8] compressed result.
+-- ARGV[7] id of the earlier job, ARGV[8] compressed result, or where it is, ARGV[9] how many bytes it has.
 if status() ~= 'queued' then return 0 end
 redis.call('HSET', KEYS[1], 'reused_from', ARGV[7])
-keep(ARGV[8])
+keep(ARGV[8], ARGV[9])
 count('reused')
 finish('succeeded', '')
 return 1

@@ -8,6 +8,7 @@ from pydantic import Field, field_validator, model_validator
 from pydantic_settings import BaseSettings, SettingsConfigDict
 
 from worker.address import celery_url
+from worker.blobs import check_address
 
 
 class QueueSettings(BaseSettings):
@@ -19,6 +20,11 @@ class QueueSettings(BaseSettings):
         default="redis://127.0.0.1:6379/0", description="Address of the Redis or Valkey server."
     )
     prefix: str = Field(default="ondelette:", description="Prefix of every key in the server.")
+    results: str | None = Field(
+        default=None,
+        description="Folder or object store for results, as file:///folder or s3://bucket/prefix; without it "
+        "they are in the server's memory.",
+    )
     log_format: Literal["text", "json"] = Field(default="text", description="How log lines are written.")
     log_level: Literal["DEBUG", "INFO", "WARNING", "ERROR"] = Field(
         default="INFO", description="The least that is logged."
@@ -53,6 +59,11 @@ class QueueSettings(BaseSettings):
     def _broker_is_an_address(cls, value: str) -> str:
         celery_url(value)
         return value
+
+    @field_validator("results")
+    @classmethod
+    def _results_can_be_reached(cls, value: str | None) -> str | None:
+        return check_address(value) if value else None
 
     @model_validator(mode="after")
     def _leases_outlive_a_missed_renewal(self) -> Self:

@@ -95,14 +95,18 @@ class Solving(Keyspace):
         """Write the end of a job, with its ``result`` as `compress` made it.
 
         By ``digest``, that of what it answers, it is found by `answered`. Returns False, and writes nothing,
-        if the job is not running or is owned by another solve.
+        if the job is not running or is owned by another solve. Raises ResultsUnavailable.
         """
         if not status.final:
             raise ValueError(f"{status} is not a final status")
         failure = "" if error is None else error.to_json()
         keys = [] if digest is None else [self._answer_to(digest)]
-        words = (owner, status.value, failure, result or b"")
-        return bool(self._run(self._finish, job_id, *words, keys=keys))
+        stored = b"" if result is None else self.results_kept.put(job_id, owner, result)
+        words = (owner, status.value, failure, stored, len(result or b""))
+        if self._run(self._finish, job_id, *words, keys=keys):
+            return True
+        self._drop_unused(job_id, stored)
+        return False
 
     # The side of a worker's main process, which knows of its children's words only how they begin.
 

@@ -14,5 +14,6 @@ class JobStore(Submitting, Solving, Caring):
     """Everything that is remembered of jobs. Safe to share between threads and to use after a fork.
 
     Methods that name a job raise JobNotFound for an id that nobody knows and JobGone for one that was erased
-    or has outlived its retention; all raise redis.exceptions.RedisError where the server does not answer.
+    or has outlived its retention; all raise redis.exceptions.RedisError where the server does not answer, and
+    those about results ResultsUnavailable where the place outside of it does not (`worker.results`).
     """

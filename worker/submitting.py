@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import logging
+import secrets
 import time
 import zlib
 from collections.abc import Callable, Iterator, Sequence
@@ -11,9 +13,11 @@ from typing import Any, cast
 from redis.client import Pipeline
 
 from worker.counts import Counts
-from worker.errors import JobActive, JobGone, JobNotFound
+from worker.errors import JobActive, JobGone, JobNotFound, ResultLost
 from worker.keyspace import Keyspace
 from worker.records import FIRST, JobEvent, JobRecord, JobStatus, Priority
+
+logger = logging.getLogger(__name__)
 
 _COMPRESSION = 3
 _SCAN = 100
@@ -117,18 +121,29 @@ class Submitting(Keyspace):
         return zlib.decompress(packed)
 
     def result(self, job_id: str) -> bytes | None:
-        """Return the JSON text of a job's result, None while or where there is none."""
+        """Return the JSON text of a job's result, None while or where there is none.
+
+        Raises ResultLost where there was one, and ResultsUnavailable.
+        """
         packed = cast(bytes | None, self.redis.get(self._keys(job_id)[2]))
         if packed is None:
-            self.get(job_id)
+            if self.get(job_id).has_result:
+                raise ResultLost(job_id)
             return None
-        return zlib.decompress(packed)
+        return self.results_kept.unpack(packed)
 
     def results(self, job_ids: Sequence[str]) -> Iterator[bytes | None]:
-        """Iterate over the JSON texts of results, None for a job that has none or is not remembered."""
+        """Iterate over the JSON texts of results, None for a job that has none or is not remembered.
+
+        Nor has one whose result is lost. Raises ResultsUnavailable.
+        """
         for job_id in job_ids:
             packed = cast(bytes | None, self.redis.get(self._keys(job_id)[2]))
-            yield None if packed is None else zlib.decompress(packed)
+            try:
+                yield None if packed is None else self.results_kept.unpack(packed)
+            except ResultLost:
+                logger.warning("job %s: its result is lost", job_id)
+                yield None
 
     def events(self, job_id: str, after: str = FIRST) -> list[JobEvent]:
         """Return what happened to a job behind the event ``after``, oldest first; some 1,000 are kept."""
@@ -155,7 +170,12 @@ class Submitting(Keyspace):
 
     def answer(self, job_id: str, earlier: str, result: bytes) -> bool:
         """End a waiting job with the ``result`` (JSON) of an ``earlier`` one; False if it does not wait."""
-        return bool(self._run(self._answer, job_id, earlier, compress(result)))
+        packed = compress(result)
+        stored = self.results_kept.put(job_id, secrets.token_hex(16), packed)
+        if self._run(self._answer, job_id, earlier, stored, len(packed)):
+            return True
+        self._drop_unused(job_id, stored)
+        return False
 
     def pin(self, job_id: str, *, pinned: bool) -> JobRecord:
         """Keep a job until it is erased, or for its time from now on; return the record."""
@@ -164,11 +184,14 @@ class Submitting(Keyspace):
 
     def erase(self, job_id: str) -> None:
         """Erase an ended job; raises JobActive for any other."""
+        stored = cast(bytes | None, self.redis.get(self._keys(job_id)[2]))
         answer = self._run(self._erase, job_id, keys=[self._index])
         if answer is None:
             self.get(job_id)
         elif answer != b"erased":
             raise JobActive(job_id)
+        else:
+            self.results_kept.drop(stored)
 
     def page(
         self,

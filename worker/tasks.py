@@ -25,7 +25,7 @@ from solvers.spec import check_text
 from solvers.status import SolveStatus
 from solvers.trajectory import Trajectory
 from worker import outcome, traces
-from worker.errors import JobGone, JobNotFound
+from worker.errors import STORE_AWAY, JobGone, JobNotFound, ResultLost
 from worker.flights import FlightsJob, read_source
 from worker.logs import about
 from worker.neighbours import Neighbours
@@ -66,8 +66,8 @@ def solve_job(
 
     ``solver`` begins the word by which the job is owned, ``redelivered`` is only counted; ``neighbours`` are
     those of the sweep that the job may belong to. Never raises for what a document or a solve does wrong:
-    that is the end of the job. Raises RedisError if the store stays away for too long; the job is then as it
-    was and its message may be delivered again.
+    that is the end of the job. Raises one of STORE_AWAY if the store stays away for too long; the
+    job is then as it was and its message may be delivered again.
     """
     word = new_owner(solver)
     owner = patiently(lambda: store.start(job_id, word, redelivered=redelivered), limits.outage, job_id)
@@ -96,7 +96,7 @@ def _solve(
         )
         with process_limit(seconds + limits.grace):
             return work()
-    except RedisError:
+    except STORE_AWAY:
         raise
     except Exception as error:  # noqa: BLE001  (logged and written as the job's error)
         return outcome.of_exception(error, job_id)
@@ -132,7 +132,7 @@ def earlier_answer(store: JobStore, job_id: str | None) -> Trajectory | None:
         return None
     try:
         result = store.result(job_id)
-    except (JobNotFound, JobGone):
+    except (JobNotFound, JobGone, ResultLost):
         return None
     return None if result is None else Trajectory.from_result(json.loads(result))
 
@@ -217,6 +217,6 @@ class SolveTask(Task):  # type: ignore[type-arg]
                 redelivered=redelivered,
                 neighbours=self._neighbours,
             )
-        except RedisError as error:
+        except STORE_AWAY as error:
             logger.exception("job %s: the store does not answer; the message goes back", job_id)
             raise Reject(str(error), requeue=True) from error

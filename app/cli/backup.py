@@ -18,14 +18,18 @@ from app.cli.service import broker_option, load
 def backup(file: Path, broker: str | None, data: Path | None) -> None:
     """Write everything that the service remembers to FILE, while it runs."""
     from worker.backup import write_backup
+    from worker.errors import ResultsUnavailable
     from worker.settings import QueueSettings
-    from worker.store import connect
+    from worker.store import JobStore, connect
 
     settings = load(QueueSettings, broker_or_embedded(broker, data))
     # What is there is replaced only by a whole backup.
     unfinished = file.with_name(f"{file.name}.part")
     with connect(settings) as redis:
-        jobs = write_backup(redis, settings.prefix, unfinished)
+        try:
+            jobs = write_backup(JobStore(redis, settings), unfinished)
+        except ResultsUnavailable as error:
+            fail(str(error), ExitCode.BROKEN)
     unfinished.replace(file)
     click.echo(f"{jobs} jobs, {file.stat().st_size:,} bytes in {file}")
 
@@ -37,13 +41,16 @@ def backup(file: Path, broker: str | None, data: Path | None) -> None:
 def restore(file: Path, broker: str | None, data: Path | None) -> None:
     """Put what FILE holds back into a running service; what is there stays as it is."""
     from worker.backup import BackupError, restore_backup
+    from worker.errors import ResultsUnavailable
     from worker.settings import QueueSettings
     from worker.store import JobStore, connect
 
     settings = load(QueueSettings, broker_or_embedded(broker, data))
     with connect(settings) as redis:
         try:
-            restored, present = restore_backup(redis, settings.prefix, JobStore(redis, settings), file)
+            restored, present = restore_backup(JobStore(redis, settings), file)
         except BackupError as error:
             fail(str(error), ExitCode.BAD_INPUT)
+        except ResultsUnavailable as error:
+            fail(str(error), ExitCode.BROKEN)
     click.echo(f"{restored} jobs put back, {present} were there")

@@ -40,7 +40,7 @@ def add(store: JobStore, status: JobStatus) -> str:
 
 
 def restore(other: JobStore, path: Path) -> tuple[int, int]:
-    return restore_backup(other.redis, other._prefix, other, path)
+    return restore_backup(other, path)
 
 
 def test_jobs_come_back_as_they_were(
@@ -51,7 +51,7 @@ def test_jobs_come_back_as_they_were(
     erased = add(store, JobStatus.SUCCEEDED)
     store.erase(erased)
     Claims(redis, queue_settings).take("key", b"body", ended[0])
-    assert write_backup(redis, queue_settings.prefix, tmp_path / "backup") == 2
+    assert write_backup(store, tmp_path / "backup") == 2
     assert restore(other, tmp_path / "backup") == (2, 0)
     for job_id in ended:
         assert other.get(job_id) == store.get(job_id)
@@ -63,8 +63,8 @@ def test_jobs_come_back_as_they_were(
     assert [record.id for record in other.page(10)[0]] == ended[::-1]
     assert other.answered("digest") == erased
     assert not other.exists(erased)
-    assert redis.exists(f"{other._prefix}gone:{erased}")
-    assert any(key.startswith(f"{other._prefix}key:".encode()) for key in redis.scan_iter("*key:*"))
+    assert redis.exists(f"{other.prefix}gone:{erased}")
+    assert any(key.startswith(f"{other.prefix}key:".encode()) for key in redis.scan_iter("*key:*"))
     assert restore(other, tmp_path / "backup") == (0, 2)
 
 
@@ -72,10 +72,10 @@ def test_what_waited_or_ran_is_published_again(
     store: JobStore, other: JobStore, redis: Redis, queue_settings: QueueSettings, tmp_path: Path
 ) -> None:
     jobs = [add(store, JobStatus.QUEUED), add(store, JobStatus.RUNNING)]
-    write_backup(redis, queue_settings.prefix, tmp_path / "backup")
+    write_backup(store, tmp_path / "backup")
     assert restore(other, tmp_path / "backup") == (2, 0)
     assert [other.get(job_id).status.value for job_id in jobs] == ["queued", "queued"]
-    settings = queue_settings.model_copy(update={"prefix": other._prefix})
+    settings = queue_settings.model_copy(update={"prefix": other.prefix})
     queue = JobQueue(make_celery(settings), redis, settings)
     assert Reconciler(other, queue, silence=30.0).republish() == 2
     owner = other.start(jobs[1])
@@ -88,7 +88,7 @@ def test_what_is_there_stays_as_it_is(
     store: JobStore, redis: Redis, queue_settings: QueueSettings, tmp_path: Path
 ) -> None:
     job_id = add(store, JobStatus.QUEUED)
-    write_backup(redis, queue_settings.prefix, tmp_path / "backup")
+    write_backup(store, tmp_path / "backup")
     store.cancel(job_id)
     before = store.get(job_id)
     assert restore(store, tmp_path / "backup") == (0, 1)
@@ -101,7 +101,7 @@ def test_a_file_that_is_no_whole_backup_is_refused_before_anything_is_written(
 ) -> None:
     path = tmp_path / "backup"
     add(store, JobStatus.SUCCEEDED)
-    write_backup(redis, queue_settings.prefix, path)
+    write_backup(store, path)
     if harm == "cut":
         path.write_bytes(path.read_bytes()[:-20])
     elif harm == "shortened":

@@ -1,6 +1,7 @@
 import json
 import time
 from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
 
 import pytest
 from redis import Redis
@@ -13,6 +14,12 @@ from worker.store import JobStore, Signal, compress
 
 DOCUMENT = b'{ "name":\t"as submitted", "schema": 1 }'
 ERROR = JobError(FailureType.INFEASIBLE, "Title.", "Detail.")
+
+
+@pytest.fixture(params=[None, "folder", "memory://ondelette"])
+def results(request: pytest.FixtureRequest, tmp_path: Path) -> str | None:
+    """Everything holds wherever results are kept."""
+    return f"file://{tmp_path}" if request.param == "folder" else request.param
 
 
 def add(store: JobStore, name: str | None = None, tags: tuple[str, ...] = ()) -> str:
@@ -255,8 +262,10 @@ def test_a_discarded_job_leaves_no_trace(
     assert left == {f"{queue_settings.prefix}projects".encode()}
 
 
-def test_a_finished_job_is_kept_for_its_time_and_remembered_afterwards(redis: Redis, broker: str) -> None:
-    store = JobStore(redis, QueueSettings(broker=broker, prefix="retention:", retention_days=1 / 86_400))
+def test_a_finished_job_is_kept_for_its_time_and_remembered_afterwards(
+    redis: Redis, queue_settings: QueueSettings
+) -> None:
+    store = JobStore(redis, queue_settings.model_copy(update={"retention_days": 1 / 86_400}))
     job_id, active = add(store), add(store)
     ended(store, job_id)
     assert store.get(job_id).status is JobStatus.SUCCEEDED
@@ -268,7 +277,7 @@ def test_a_finished_job_is_kept_for_its_time_and_remembered_afterwards(redis: Re
         store.get(job_id)
     with pytest.raises(JobGone):
         store.result(job_id)
-    remembered = redis.ttl(f"retention:gone:{job_id}")
+    remembered = redis.ttl(f"{store.prefix}gone:{job_id}")
     assert 29 * 86_400 < remembered <= 30 * 86_400 + 1
 
 
