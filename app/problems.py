@@ -130,6 +130,12 @@ PROBLEMS: Mapping[str, Problem] = {
         "The project of the API key has as many active jobs as it may have; submit again when some have "
         "ended.",
     ),
+    "too-many-waiting": Problem(
+        429,
+        "Too many waiting requests",
+        "As many streams of events and delayed answers are open as the project, or one process of the "
+        "service, may have; ask again when some have ended, or ask without waiting.",
+    ),
     "internal": Problem(
         500,
         "Internal error",

@@ -15,6 +15,7 @@ from fastapi import Depends, Request
 from app.auth import OWNER, Doorkeeper, Principal, read_bootstrap_key
 from app.egress import networks_of
 from app.errors import ServiceError
+from app.seats import Seats
 from app.settings import Settings
 from app.watch import StatusWatch
 from app.webhooks import Webhooks, read_secrets
@@ -73,6 +74,7 @@ class Service:
     doorkeeper: Doorkeeper
     webhooks: Webhooks
     watch: StatusWatch
+    seats: Seats
     reconciler: Reconciler
 
     @classmethod
@@ -102,6 +104,7 @@ class Service:
                 networks_of(settings.webhook_networks),
             ),
             StatusWatch(store, settings),
+            Seats(settings.project_waiting, settings.process_waiting),
             Reconciler(store, queue, settings.visibility_seconds, settle=settings.reconcile_seconds / 2),
         )
 

@@ -48,6 +48,15 @@ class Settings(QueueSettings):
     queued_jobs: int = Field(
         default=100_000, ge=1, description="Jobs that may wait at a time; then submissions are refused."
     )
+    project_waiting: int = Field(
+        default=200,
+        ge=1,
+        description="Requests of one project that may wait in one API process at a time: streams of events "
+        "and long polls.",
+    )
+    process_waiting: int = Field(
+        default=500, ge=1, description="Requests of all projects that may wait in one API process at a time."
+    )
 
     webhook_secret_file: Path | None = Field(
         default=None,

@@ -6,10 +6,11 @@ import json
 from collections.abc import AsyncIterator
 from typing import Any
 
-from fastapi import APIRouter, Request, Response
+from fastapi import APIRouter, Depends, Request, Response
 from fastapi.concurrency import run_in_threadpool
 from fastapi.responses import StreamingResponse
 
+from app.auth import principal_of
 from app.errors import wrong_parameter
 from app.openapi import refusals
 from app.service import Shared
@@ -24,8 +25,15 @@ _PREAMBLE = "retry: 2000\n\n"
 _HEARTBEAT = ": still here\n\n"
 
 
+async def _seat(request: Request, service: Shared) -> AsyncIterator[None]:
+    with service.seats.taken(principal_of(request)):
+        yield
+
+
+# The seat is held until the last event is sent: what follows a dependency's yield comes after the answer.
 @router.get(
     "/events",
+    dependencies=[Depends(_seat)],
     response_class=Response,
     responses={200: {"content": {MEDIA: {}}}, 204: {}, **refusals(404, 410, 422, 503)},
 )

@@ -46,8 +46,12 @@ async def submitted(request: Request, service: Service, submit: Callable[[], Job
 
     # One change of thread for all that asks the broker.
     job_id, response = await run_in_threadpool(queued)
-    if wait is not None:
-        response = await _answered(service, await service.watch.final(job_id, wait), 202)
+    # The job is accepted: where there is no seat to wait at, it is answered for at once, which the preference
+    # allows.
+    if wait is not None and service.seats.refusal(principal_of(request)) is None:
+        with service.seats.taken(principal_of(request)):
+            record = await service.watch.final(job_id, wait)
+        response = await _answered(service, record, 202)
         response.headers["Preference-Applied"] = f"wait={wait:g}"
     response.headers["Location"] = response.headers["Content-Location"] = f"/v1/jobs/{job_id}"
     return response
@@ -108,7 +112,8 @@ async def job(
 ) -> Response:
     """Tell how a job stands; ``wait`` delays the answer until the job is final, at most 60 s."""
     if wait:
-        record = await service.watch.final(job_id, min(wait, LONGEST_WAIT))
+        with service.seats.taken(principal_of(request)):
+            record = await service.watch.final(job_id, min(wait, LONGEST_WAIT))
     else:
         record = await run_in_threadpool(service.store.get, job_id)
     if matches_etag(request, etag := _etag(record)):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 from collections.abc import Mapping
 from typing import Annotated, Any
@@ -9,7 +10,7 @@ from typing import Annotated, Any
 from fastapi import APIRouter, Query, Request, Response
 from fastapi.concurrency import run_in_threadpool
 
-from app.auth import principal_of
+from app.auth import Principal, principal_of
 from app.errors import wrong_parameter
 from app.negotiation import LONGEST_WAIT, chosen_type, preferred_wait
 from app.openapi import SWEEP_BODY, refusals
@@ -37,8 +38,10 @@ _MEDIA = {"csv": "text/csv", "npz": "application/x-npz"}
 async def submit(request: Request, service: Shared, body: Body, key: Key) -> Response:
     """Queue a job for every point of a sweep. ``Prefer: wait=N`` delays the answer until all have ended."""
     sweep_id = await run_in_threadpool(submit_sweep, service, body, key, principal_of(request))
-    wait = preferred_wait(request)
-    response = _answer(*await _seen(service, sweep_id, wait or 0.0), 202, table=True)
+    principal = principal_of(request)
+    # As of a job: where there is no seat to wait at, it is answered for at once.
+    wait = preferred_wait(request) if service.seats.refusal(principal) is None else None
+    response = _answer(*await _seen(service, principal, sweep_id, wait or 0.0), 202, table=True)
     response.headers["Location"] = response.headers["Content-Location"] = f"/v1/sweeps/{sweep_id}"
     if wait is not None:
         response.headers["Preference-Applied"] = f"wait={wait:g}"
@@ -47,13 +50,14 @@ async def submit(request: Request, service: Shared, body: Body, key: Key) -> Res
 
 @router.get("/{sweep_id}", response_model=SweepView, responses=refusals(404, 422, 503))
 async def sweep(
+    request: Request,
     service: Shared,
     sweep_id: str,
     wait: Annotated[float, Query(ge=0, allow_inf_nan=False)] = 0.0,
     table: Annotated[bool, Query(description="Whether to list the points.")] = True,
 ) -> Response:
     """Tell how a sweep stands; ``wait`` delays the answer until all jobs have ended, at most 60 s."""
-    return _answer(*await _seen(service, sweep_id, wait), 200, table=table)
+    return _answer(*await _seen(service, principal_of(request), sweep_id, wait), 200, table=table)
 
 
 @router.post("/{sweep_id}/cancel", status_code=202, response_model=SweepView, responses=refusals(404, 503))
@@ -91,13 +95,16 @@ def result(
     return Response(sweep_npz(record.pointers, columns, histories), media_type=_MEDIA[kind], headers=headers)
 
 
-async def _seen(service: Service, sweep_id: str, wait: float) -> tuple[SweepRecord, list[TableRow]]:
-    return await service.watch.until(
-        sweep_id,
-        lambda: _look(service, sweep_id),
-        lambda seen: is_final(seen[1]),
-        min(wait, LONGEST_WAIT),
-    )
+async def _seen(
+    service: Service, principal: Principal, sweep_id: str, wait: float
+) -> tuple[SweepRecord, list[TableRow]]:
+    with service.seats.taken(principal) if wait else contextlib.nullcontext():
+        return await service.watch.until(
+            sweep_id,
+            lambda: _look(service, sweep_id),
+            lambda seen: is_final(seen[1]),
+            min(wait, LONGEST_WAIT),
+        )
 
 
 def _look(service: Service, sweep_id: str) -> tuple[SweepRecord, list[TableRow]]:

@@ -78,7 +78,9 @@ class Deployment:
         with self._process([WORKER, str(slots), name], f"worker-{name}", environment) as running:
             with connect(self.settings) as redis:
                 queue = JobQueue(make_celery(self.settings), redis, self.settings)
-                wait_until(lambda: any(alive.startswith(f"{name}@") for alive in queue.workers()), running, 60.0)
+                wait_until(
+                    lambda: any(alive.startswith(f"{name}@") for alive in queue.workers()), running, 60.0
+                )
             yield running
 
     @contextmanager

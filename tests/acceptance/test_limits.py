@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from pathlib import Path
+
 import httpx
 import pytest
 
 from app.client import Client
-from tests.acceptance.conftest import Document
+from tests.acceptance.conftest import Deployment, Document, wait_until
 from tests.problems import problem
+from worker.settings import QueueSettings
 
 
 @pytest.fixture(scope="module")
@@ -75,3 +79,34 @@ def test_a_key_of_idempotency(service: httpx.Client, spacecraft: Document) -> No
         response = service.post("/v1/jobs", json=spacecraft, headers={"Idempotency-Key": key})
         members = problem(response, 422, "invalid-request")
         assert "255" in members["detail"]
+
+
+@pytest.fixture
+def crowded(broker: str, tmp_path: Path) -> Iterator[tuple[httpx.Client, httpx.Client]]:
+    """Two API processes of a service without workers; at the first one two requests of a project may wait."""
+    deployment = Deployment(QueueSettings(broker=broker, prefix="crowded:"), tmp_path)
+    with deployment.api(ONDELETTE_PROJECT_WAITING="2") as client, deployment.api() as other:
+        yield client, other
+
+
+def test_streams_and_long_polls_beyond_what_may_wait(
+    crowded: tuple[httpx.Client, httpx.Client], spacecraft: Document
+) -> None:
+    client, other = crowded
+    path = client.post("/v1/jobs", json=spacecraft).headers["location"]
+    with client.stream("GET", f"{path}/events") as one, client.stream("GET", f"{path}/events") as two:
+        # Kept until the end: a stream whose iterator is gone is closed.
+        streams = [stream.iter_lines() for stream in (one, two)]
+        assert [next(lines) for lines in streams] == ["retry: 2000"] * 2
+        for query in ("/events", "?wait=30"):
+            refused = client.get(path + query)
+            assert "2 requests of this project" in problem(refused, 429, "too-many-waiting")["detail"]
+            assert int(refused.headers["retry-after"]) > 0
+        assert client.get(path).status_code == 200
+        accepted = client.post("/v1/jobs", json=spacecraft, headers={"Prefer": "wait=60"})
+        assert (accepted.status_code, accepted.json()["status"]) == (202, "queued")
+        assert "preference-applied" not in accepted.headers
+        # Another process has seats of its own.
+        assert other.get(f"{path}?wait=0.01").status_code == 200
+    # Whoever hangs up gives his seat back.
+    wait_until(lambda: client.get(f"{path}?wait=0.01").status_code == 200)
