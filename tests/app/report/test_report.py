@@ -5,8 +5,6 @@ from __future__ import annotations
 import copy
 import json
 import re
-import subprocess
-import sys
 import zlib
 from collections.abc import Callable
 from html.parser import HTMLParser
@@ -28,8 +26,7 @@ from tests.solvers.piecewise.documents import PENDULUM
 from worker.records import JobStatus
 
 Make = Callable[..., str]
-ROOT = Path(__file__).parents[3]
-CASES = sorted((ROOT / "solvers" / "cases").glob("*.json"))
+CASES = sorted((Path(__file__).parents[3] / "solvers" / "cases").glob("*.json"))
 VOID = frozenset({"meta", "br", "mspace", "use", "path"})
 RIGID_BODY: dict[str, Any] = {
     "name": "Rigid body",
@@ -193,16 +190,6 @@ def test_over_http(client: httpx.Client, job: Make, solved: bytes, diverged: byt
         failed = client.get(f"/v1/jobs/{job(JobStatus.FAILED, content)}/report.html")
         assert words in page_of(failed.text).text
     problem(client.get(f"/v1/jobs/{job()}/report.html"), 409, "not-ready")
-
-
-def test_the_commands_of_the_guide(tmp_path: Path) -> None:
-    guide = (ROOT / "docs" / "reports.md").read_text()
-    (commands,) = re.findall(r"^```sh\n(.*?)^```$", guide, re.MULTILINE | re.DOTALL)
-    script = f'ondelette() {{ "{sys.executable}" -m app.cli "$@"; }}\n{commands}'
-    subprocess.run(["bash", "-ec", script], cwd=tmp_path, check=True, capture_output=True)
-    page = page_of((tmp_path / "fall.html").read_text())
-    assert "Solved and verified" in page.text
-    assert "Brachistochrone" in page.text
 
 
 def test_on_the_command_line(tmp_path: Path, solved: bytes) -> None:
