@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import pytest
 
+from solvers.catalogue import load_case
+from solvers.solve import solve
+from solvers.spec import check_document
 from tests.acceptance.markdown import (
     ROOT,
     Reader,
@@ -32,6 +36,27 @@ def test_what_the_page_says_is_true(page: Path, url: str, broker: str, tmp_path:
                 raise
     finally:
         reader.close()
+
+
+def test_the_reference_of_results_names_every_key() -> None:
+    page = (ROOT / "docs" / "reference" / "result.md").read_text()
+    always, _, sometimes = page.partition("By [`ga`]")
+    told = [set(re.findall(r"`(\w+)`", row)) for row in re.findall(r"^\| (`[^|]+) \|", always, re.MULTILINE)]
+    document = load_case("rigid_body")
+    document["problem"]["scenarios"] = {"cases": [{"name": "heavy", "parameters": {"m": 1.01}}]}
+    document["output"] = {"command": {"period": 0.1}, "coast": 1}
+    assert set(solve(check_document(document)).result()) == set.union(*told)
+    document = load_case("solar_array_1")
+    document["method"] = {
+        "name": "ga",
+        "population": 8,
+        "generations": 2,
+        "variant": "classic",
+        "polish": False,
+    }
+    more = set(solve(check_document(document)).result()) - set.union(*told)
+    assert all(f"`{name}`" in sometimes for name in more)
+    assert more
 
 
 def test_the_reader_is_not_easily_pleased() -> None:
