@@ -80,6 +80,10 @@ def _model(entry: LibraryModel) -> dict[str, Any]:
             }
             for name, p in entry.parameters.items()
         },
+        "options": {
+            name: {"value": o.value, "choices": list(o.choices), "description": o.description}
+            for name, o in entry.options.items()
+        },
         "model": entry.document({}),
         "plant_only": entry.plant_only,
     }

@@ -141,4 +141,6 @@ def _softened(items: Sequence[Constraint], wishes: Sequence[Wish]) -> tuple[Cons
 
 
 def _asked_for(item: Constraint) -> bool:
-    return item.pointer.startswith(("/problem/path_constraints/", "/problem/boundary_constraints/"))
+    return item.pointer.startswith(
+        ("/problem/path_constraints/", "/problem/boundary_constraints/", "/problem/final_attitude")
+    )

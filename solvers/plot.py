@@ -122,7 +122,7 @@ def units_of(result: Mapping[str, Any]) -> dict[str, str]:
     problem = result["resolved"]["document"]["problem"]
     units: dict[str, str] = {}
     if problem["model"]["kind"] == "library":
-        model = LIBRARY[problem["model"]["name"]]
+        model = LIBRARY[problem["model"]["name"]].with_options(problem["model"].get("options", {}))
         units.update({name: item.unit for name, item in {**model.states, **model.controls}.items()})
     units.update({item["name"]: item["units"] for item in result.get("outputs", []) if item["units"]})
     units.update(problem.get("units", {}))

@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from solvers.attitude import attitude_constraints, guessed_attitude
 from solvers.backends import NUMPY, Backend
 from solvers.dynamics import Dynamics, NodeScope
 from solvers.expressions import Expression, parse, product, total
@@ -105,7 +106,10 @@ class OptimalControlProblem:
             state_bounds=state_bounds,
             control_bounds=control_bounds,
             path=constraints(spec, "path_constraints", parameters),
-            boundary=constraints(spec, "boundary_constraints", parameters),
+            boundary=(
+                *constraints(spec, "boundary_constraints", parameters),
+                *attitude_constraints(spec, parameters),
+            ),
             terminal_cost=None if spec.objective.terminal is None else parse(spec.objective.terminal),
             running_cost=None if spec.objective.running is None else parse(spec.objective.running),
             outputs=outputs(spec),
@@ -120,7 +124,7 @@ class OptimalControlProblem:
                 model.controls,
                 parameters,
                 times=(initial_time, final_time),
-                ends=(initial_state, final_state),
+                ends=(initial_state, guessed_attitude(spec, parameters, initial_state, final_state)),
                 bounds=(state_bounds, control_bounds),
                 design={item.name: item.guess for item in design},
             ),

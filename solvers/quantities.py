@@ -20,7 +20,8 @@ _ROUNDING = 1e-12
 class Constraint:
     """An expression held within ``interval``; ``pointer`` is its place in the document.
 
-    ``during``: the part of normalised time in which a constraint along the trajectory holds.
+    ``during``: the part of normalised time in which a constraint along the trajectory holds. ``scale``: the
+    size of the quantity where that is known beforehand; it is judged by its own values otherwise.
     """
 
     name: str
@@ -28,6 +29,7 @@ class Constraint:
     expression: Expression
     interval: Interval
     during: Interval = WHOLE_SPAN
+    scale: float = 0.0
 
     def holds_at(self, tau: NDArray[np.float64]) -> NDArray[np.bool_]:
         """Whether the constraint holds at these normalised times."""

@@ -274,7 +274,8 @@ def largest_violation(
         if tau is not None:
             value = np.broadcast_to(value, tau.shape)[constraint.holds_at(tau)]
         values = np.atleast_2d(np.asarray(value, np.float64))
-        scale = np.maximum(SMALLEST_SCALE, np.max(np.abs(values), where=np.isfinite(values), initial=0.0))
+        size = np.max(np.abs(values), where=np.isfinite(values), initial=constraint.scale)
+        scale = np.maximum(SMALLEST_SCALE, size)
         violation = scaled_violation(values, np.array([constraint.interval]), np.array([scale]))
         largest = max(largest, violation)
     return largest

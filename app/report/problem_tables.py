@@ -9,7 +9,6 @@ from markupsafe import Markup
 
 from app.report.cells import Table, cut, figure, symbol
 from app.report.equations import bound_text
-from solvers.models import LIBRARY
 from solvers.spec import BoundValue, LibraryReference, ProblemSpec, ScenarioSpec
 
 
@@ -78,7 +77,7 @@ def _problem_tables(problem: ProblemSpec, units: Mapping[str, str]) -> Iterator[
 
 def _parameters(problem: ProblemSpec) -> Iterator[Table]:
     model = problem.submitted_model
-    known = LIBRARY[model.name].parameters if isinstance(model, LibraryReference) else {}
+    known = model.entry.parameters if isinstance(model, LibraryReference) else {}
     values = problem.model.parameter_values()
     if not values:
         return

@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 
-from solvers.models import edt, edt_plant, flexible_spacecraft, pse, rigid_body, solar_array
+from solvers.models import attitude, edt, edt_plant, flexible_spacecraft, pse, rigid_body, solar_array
 from solvers.models.computed import Computed, Formula
 from solvers.models.library_model import LibraryModel, Parameter, Quantity, View
 
@@ -11,6 +11,7 @@ LIBRARY: Mapping[str, LibraryModel] = {
     for model in (
         rigid_body.MODEL,
         flexible_spacecraft.MODEL,
+        attitude.MODEL,
         solar_array.MODEL,
         edt.MODEL,
         edt_plant.MODEL,

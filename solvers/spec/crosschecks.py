@@ -16,6 +16,7 @@ from pydantic_core import PydanticCustomError
 from solvers.errors import ExpressionError
 from solvers.expressions import RESERVED, parse, quoted
 from solvers.models import LIBRARY
+from solvers.spec.attitude import check_attitude
 from solvers.spec.checks import check_bound, check_constant
 from solvers.spec.data import check_data
 from solvers.spec.faults import Flaws, Path
@@ -51,6 +52,7 @@ def cross_check(scope: Scope) -> Flaws:
     _check_control_ends(scope, flaws)
     _check_design(scope, flaws)
     check_data(scope, flaws)
+    check_attitude(scope, flaws)
     _check_guess(scope, flaws)
     check_support(scope, flaws)
     check_cases(scope, flaws)
@@ -95,6 +97,15 @@ def _check_names(scope: Scope, flaws: Flaws) -> None:
 def _check_library(scope: Scope, flaws: Flaws) -> None:
     name = mapping(scope.problem.get("model")).get("name")
     entry = LIBRARY.get(name) if isinstance(name, str) else None
+    for parameter in scope.positive:
+        value = scope.parameters.get(parameter)
+        if value is not None and not value > 0.0:
+            detail = (
+                f"the modes take more inertia than there is: {parameter} = {value:g}, "
+                "but D = J less the couplings of the modes must be positive definite"
+            )
+            flaws.add(detail, "problem", "model", "parameters")
+            break
     if entry is not None and entry.plant_only:
         seen_as = ", ".join(f"'{simple}'" for simple in entry.views)
         detail = (

@@ -8,7 +8,7 @@ from typing import Annotated, Literal
 from pydantic import Field, TypeAdapter
 
 from solvers.expressions import parse
-from solvers.models import LIBRARY, Formula
+from solvers.models import LIBRARY, Formula, LibraryModel
 from solvers.spec.base import SpecModel
 from solvers.spec.faults import Path
 from solvers.spec.matrices import ForceVector, Matrix, MatrixOf, Row, matrix_rows, places
@@ -20,6 +20,7 @@ from solvers.spec.tables import (
     FlexibleNames,
     LibraryName,
     NameList,
+    OptionTable,
     OverrideTable,
     ParameterTable,
 )
@@ -101,8 +102,8 @@ class ModalModel(_Equations, ModalEquations):
     kind: Literal["modal"]
     """The kind of model."""
 
-    def expand(self, tables: Collection[str] = ()) -> MechanicalModel:
-        """Return the mechanical model with coordinates (axes, modes); it may call data ``tables``."""
+    def expand(self) -> MechanicalModel:
+        """Return the mechanical model with coordinates (axes, modes)."""
         modes = [mode.name for mode in self.modes]
         document = {
             "kind": "mechanical",
@@ -113,7 +114,9 @@ class ModalModel(_Equations, ModalEquations):
             "flexible": modes,
             **self.matrices(len(self.controls)),
         }
-        scope = Scope({}, {}, document, table_names=frozenset(tables))
+        # The data tables that it calls are those of its document, which has been checked.
+        tables = frozenset().union(*(parse(value).called for value in self.definitions.values()))
+        scope = Scope({}, {}, document, table_names=tables)
         read_model(scope)
         return MechanicalModel.model_validate(document, context=scope)
 
@@ -138,10 +141,18 @@ class LibraryReference(SpecModel):
     """Name of the library model."""
     parameters: Annotated[dict[str, Value], OverrideTable()] = Field(default_factory=dict)
     """Values for parameters that shall differ from those of the library."""
+    options: Annotated[dict[str, int | str], OptionTable()] = Field(default_factory=dict)
+    """Choices of structure, where the model has any."""
+
+    @property
+    def entry(self) -> LibraryModel:
+        """The model of the library with these options."""
+        return LIBRARY[self.name].with_options(self.options)
 
     def expand(self) -> MechanicalModel | FirstOrderModel:
         """Return the model with its equations written out and every parameter given."""
-        scope = Scope({}, {}, {"kind": "library", "name": self.name, "parameters": self.parameters})
+        reference = {"kind": "library", "name": self.name, "parameters": self.parameters}
+        scope = Scope({}, {}, {**reference, "options": self.options})
         read_model(scope)
         return _EQUATIONS.validate_python(scope.model, context=scope)
 
@@ -153,14 +164,9 @@ _EQUATIONS: TypeAdapter[MechanicalModel | FirstOrderModel] = TypeAdapter(
 )
 
 
-def written_out(submitted: SubmittedModel, tables: Collection[str] = ()) -> MechanicalModel | FirstOrderModel:
-    """Return a model by its equations: those of a library or modal model written out.
-
-    ``tables``: the names of the data tables of the problem, which its expressions may call.
-    """
-    if isinstance(submitted, ModalModel):
-        return submitted.expand(tables)
-    return submitted.expand() if isinstance(submitted, LibraryReference) else submitted
+def written_out(submitted: SubmittedModel) -> MechanicalModel | FirstOrderModel:
+    """Return a model by its equations: those of a library or modal model written out."""
+    return submitted.expand() if isinstance(submitted, LibraryReference | ModalModel) else submitted
 
 
 def definitions_of(submitted: SubmittedModel, model: MechanicalModel | FirstOrderModel) -> dict[str, Formula]:

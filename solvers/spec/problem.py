@@ -8,6 +8,7 @@ from typing import Annotated, Any, Self
 from pydantic import Field, model_validator
 
 from solvers.data_table import DataTable
+from solvers.spec.attitude import TargetQuaternion
 from solvers.spec.base import SpecModel
 from solvers.spec.data import DataTableSpec
 from solvers.spec.faults import refuse
@@ -166,6 +167,8 @@ class ProblemSpec(SpecModel):
     """State -> bound at t0, for every state; ``null`` is free, ``"*"`` stands for all that are not named."""
     final_state: Ends = Field(default_factory=dict)
     """State -> bound at tf; states that are not named are free."""
+    final_attitude: Annotated[list[Value], TargetQuaternion()] | None = None
+    """Quaternion q1, q2, q3, q4 (scalar part last) at tf, with either sign, for models with these states."""
     bounds: Annotated[dict[str, BoundValue], BoundTable("state or control")] = Field(default_factory=dict)
     """State or control -> bound along the trajectory."""
     path_constraints: Annotated[list[PathConstraint], AtMost] = Field(default_factory=list)
@@ -202,7 +205,7 @@ class ProblemSpec(SpecModel):
     @cached_property
     def model(self) -> MechanicalModel | FirstOrderModel:
         """The equations of motion, those of a library or modal model written out."""
-        return written_out(self.submitted_model, self.data)
+        return written_out(self.submitted_model)
 
     def tables(self) -> dict[str, DataTable]:
         """Return the data tables with their numbers."""

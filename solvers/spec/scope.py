@@ -55,6 +55,7 @@ class Scope:
     rated: tuple[str, ...] = ()
     parameters: dict[str, float] = field(default_factory=dict)
     parameter_names: frozenset[str] = frozenset()
+    positive: tuple[str, ...] = ()
     parameter_intervals: dict[str, tuple[float, float]] = field(default_factory=dict)
     parameter_flaws: Flaws = field(default_factory=Flaws)
     computed_names: frozenset[str] = frozenset()
@@ -116,7 +117,9 @@ def read_model(scope: Scope) -> None:
         entry = LIBRARY.get(name) if isinstance(name, str) else None
         if entry is None:
             return
+        entry = entry.with_options(mapping(scope.model.get("options")))
         overrides = mapping(scope.model.get("parameters"))
+        scope.positive = entry.positive
         scope.model = entry.document(overrides)
         scope.computed_names = frozenset(entry.computed)
         intervals = {name: parameter.interval for name, parameter in entry.parameters.items()}

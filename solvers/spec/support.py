@@ -17,6 +17,7 @@ _NOT_FLOWN = (
     "links",
     "data",
     "design",
+    "final_attitude",
     "integrals",
     "control_rates",
     "initial_control",

@@ -11,7 +11,7 @@ from solvers.models import LIBRARY
 from solvers.spec.checks import check_bound, check_expression
 from solvers.spec.faults import Flaws, kind_of, refuse
 from solvers.spec.fields import BOUND_SCHEMA, VALUE_SCHEMA, Check
-from solvers.spec.scope import MAX_NAME, Scope
+from solvers.spec.scope import MAX_NAME, Scope, mapping
 
 MAX_UNIT = 200
 MAX_DEFINITIONS = 1000
@@ -154,6 +154,31 @@ def _check_intervals(table: dict[str, Any], scope: Scope, flaws: Flaws) -> None:
         value = scope.parameters.get(name)
         if name in table and value is not None and not lower <= value <= upper:
             flaws.add(f"must lie within [{lower:g}, {upper:g}], not {value:g}", name)
+
+
+class OptionTable(Check):
+    """Choices of structure of a model of the library."""
+
+    def check(self, value: Any, scope: Scope) -> dict[str, Any]:
+        """Return the choices as submitted."""
+        table, flaws = object_of(value), Flaws()
+        name = mapping(scope.problem.get("model")).get("name")
+        entry = LIBRARY.get(name) if isinstance(name, str) else None
+        known = {} if entry is None else entry.options
+        for key, chosen in table.items() if entry is not None else ():
+            option = known.get(key)
+            if option is None:
+                flaws.add(unknown_key(key, "option", known, scope), key)
+            elif not option.allows(chosen):
+                choices = ", ".join(str(choice) for choice in option.choices)
+                flaws.add(f"must be one of {choices}", key)
+        flaws.raise_any()
+        return table
+
+    def schema(self) -> dict[str, Any]:
+        """An object of whole numbers and words."""
+        choice = {"anyOf": [{"type": "integer"}, {"type": "string"}]}
+        return {"type": "object", "additionalProperties": choice}
 
 
 class LibraryName(Check):
