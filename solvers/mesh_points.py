@@ -26,6 +26,11 @@ def interval_mesh(problem: OptimalControlProblem, intervals: int) -> Vector:
     return with_moments(knots, mesh_corners(problem, jumps_only=True))
 
 
+def interval_corners(problem: OptimalControlProblem) -> Vector:
+    """The points of :func:`interval_mesh` that are there for the corners."""
+    return with_moments(mesh_corners(problem), mesh_corners(problem, jumps_only=True))
+
+
 def gauss_mesh(problem: OptimalControlProblem, nodes: int, segments: int) -> tuple[Vector, tuple[int, ...]]:
     """The breaks of equal segments and at the corners of data tables over time; the nodes of each segment.
 

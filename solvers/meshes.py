@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 from solvers.guess import Start
-from solvers.mesh_points import gauss_mesh, interval_mesh, spline_mesh
+from solvers.mesh_points import gauss_mesh, interval_corners, interval_mesh, spline_mesh
 from solvers.problem import OptimalControlProblem
 from solvers.refine.adaptive import AdaptiveMesh
 from solvers.refine.adaptive_gauss import GaussMesh
@@ -19,6 +19,7 @@ from solvers.spec import (
     SplineAdaptivity,
     SplineWaveletMethod,
 )
+from solvers.time_knots import mesh_corners
 from solvers.transcription.base import Transcription
 from solvers.transcription.gauss_pseudospectral import GaussPseudospectral
 from solvers.transcription.hermite_simpson import HermiteSimpson
@@ -65,7 +66,7 @@ def adaptive_mesh_of(method: Method, problem: OptimalControlProblem) -> Adaptive
         case SplineWaveletMethod(L=length, first_level=level, adaptive=SplineAdaptivity(max_level=highest)):
             return SplineMesh(spline_mesh(problem, length, level), highest)
         case GaussPseudospectralMethod(nodes=nodes, segments=segments):
-            return GaussMesh(*gauss_mesh(problem, nodes, segments))
+            return GaussMesh(*gauss_mesh(problem, nodes, segments), mesh_corners(problem))
         case HermiteSimpsonMethod(intervals=intervals):
-            return IntervalMesh(interval_mesh(problem, intervals))
+            return IntervalMesh(interval_mesh(problem, intervals), interval_corners(problem))
     raise TypeError(f"no adaptive mesh for the method {method!r}")

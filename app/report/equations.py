@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import reduce
 from operator import add
@@ -39,13 +39,13 @@ class Block:
     lines: list[Markup] = field(default_factory=list)
 
 
-def model_blocks(model: SubmittedModel, tables: Collection[str] = ()) -> list[Block]:
-    """The equations of motion, with what they are made of; ``tables``: names of data tables."""
+def model_blocks(model: SubmittedModel) -> list[Block]:
+    """The equations of motion, with what they are made of."""
     note = ""
     if isinstance(model, LibraryReference):
         known = LIBRARY[model.name]
         note = f"{known.title}. Source: {known.source}."
-    equations = written_out(model, tables)
+    equations = written_out(model)
     blocks = [Block("Equations of motion", note)]
     if isinstance(model, ModalEquations):
         blocks[0].note = (

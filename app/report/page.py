@@ -55,7 +55,7 @@ def write_report(
 
 def _blocks(spec: JobSpec) -> Iterator[Block]:
     """The equations: of the problem, and of the plant where another one is flown."""
-    yield from model_blocks(spec.problem.submitted_model, spec.problem.data)
+    yield from model_blocks(spec.problem.submitted_model)
     yield from problem_blocks(spec.problem)
     if isinstance(spec.method, PiecewiseMethod) and spec.method.plant is not None:
         for block in model_blocks(spec.method.plant.model):

@@ -14,7 +14,7 @@ optimal control using decay rates of Legendre polynomial coefficients, IEEE Tran
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.polynomial.legendre import legvander
@@ -45,10 +45,11 @@ _SHORTEST_SEGMENT = 1e-9
 
 @dataclass(frozen=True)
 class GaussMesh:
-    """Segments between normalised ``breaks``, with ``counts`` nodes each."""
+    """Segments between normalised ``breaks``, with ``counts`` nodes each; breaks at ``corners`` stay."""
 
     breaks: Vector
     counts: tuple[int, ...]
+    corners: Vector = field(default_factory=lambda: np.zeros(0))
 
     def transcription(
         self, problem: OptimalControlProblem, scaling: Scaling, start: Start
@@ -71,8 +72,8 @@ class GaussMesh:
             )
             for piece in _pieces(trajectory, (start, stop), count, error / target)
         ]
-        ends, counts, _ = zip(*_joined(pieces), strict=True)
-        finer = GaussMesh(np.concatenate([[0.0], ends]), counts)
+        ends, counts, _ = zip(*_joined(pieces, self.corners), strict=True)
+        finer = replace(self, breaks=np.concatenate([[0.0], ends]), counts=counts)
         if sum(counts) > MAX_NODES:
             raise MeshLimit(f"more than {MAX_NODES:,} nodes would be needed")
         if np.min(np.diff(finer.breaks)) < _SHORTEST_SEGMENT:
@@ -101,11 +102,14 @@ def _pieces(trajectory: Trajectory, span: tuple[float, float], count: int, exces
     return [(end, nodes, False) for end in start + (stop - start) * np.arange(1, number + 1) / number]
 
 
-def _joined(pieces: list[_Piece]) -> Iterator[_Piece]:
-    """Pairs of neighbouring segments whose errors are negligible become one, with the nodes of the richer."""
+def _joined(pieces: list[_Piece], corners: Vector) -> Iterator[_Piece]:
+    """Pairs of neighbouring segments whose errors are negligible become one, with the nodes of the richer.
+
+    A corner of the model between them keeps them apart.
+    """
     pending: _Piece | None = None
     for piece in pieces:
-        if pending is not None and pending[2] and piece[2]:
+        if pending is not None and pending[2] and piece[2] and pending[0] not in corners:
             yield piece[0], max(pending[1], piece[1]), True
             pending = None
             continue

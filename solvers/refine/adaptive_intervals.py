@@ -9,7 +9,7 @@ ed., SIAM 2010, section 4.7 (error from the integral of the residual; at most so
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +19,7 @@ from solvers.problem import OptimalControlProblem
 from solvers.refine.adaptive import MeshLimit
 from solvers.refine.adaptive_splines import largest_inside
 from solvers.scaling import Scaling
+from solvers.time_knots import LONGEST_MOMENT
 from solvers.trajectory import Trajectory
 from solvers.transcription.hermite_simpson import HermiteSimpson
 
@@ -36,9 +37,10 @@ _SHORTEST_INTERVAL = 1e-9
 
 @dataclass(frozen=True)
 class IntervalMesh:
-    """Intervals between normalised ``knots``."""
+    """Intervals between normalised ``knots``, of which those at ``corners`` of the model stay."""
 
     knots: Vector
+    corners: Vector = field(default_factory=lambda: np.zeros(0))
 
     def transcription(self, problem: OptimalControlProblem, scaling: Scaling, start: Start) -> HermiteSimpson:
         """See :class:`~solvers.refine.adaptive.AdaptiveMesh`."""
@@ -57,9 +59,10 @@ class IntervalMesh:
         widths = np.diff(self.knots)
         # A piece next to a much wider one would see it as a jump: let widths grow by a factor 4 at most.
         while True:
-            step = widths / pieces
+            # An interval that is there for a jump of the model says nothing about its neighbours.
+            step = np.where(widths < LONGEST_MOMENT, np.inf, widths / pieces)
             beside = np.minimum(np.append(step[1:], np.inf), np.append(np.inf, step[:-1]))
-            uneven = step > 4.0 * beside * (1.0 + 1e-9)
+            uneven = np.isfinite(step) & (step > 4.0 * beside * (1.0 + 1e-9))
             if not uneven.any():
                 break
             pieces = pieces + uneven
@@ -71,12 +74,13 @@ class IntervalMesh:
         keep = np.ones(knots.size, bool)
         starts = np.cumsum(pieces) - pieces
         keep[starts[_superfluous(widths, worst < _JOIN * target)]] = False
+        keep |= np.isin(knots, self.corners)
         knots = knots[keep]
         if knots.size > MAX_INTERVALS + 1:
             raise MeshLimit(f"more than {MAX_INTERVALS:,} intervals would be needed")
         if np.min(np.diff(knots)) < _SHORTEST_INTERVAL:
             raise MeshLimit("intervals would be shorter than a billionth of the horizon")
-        return IntervalMesh(knots)
+        return replace(self, knots=knots)
 
 
 def _superfluous(widths: Vector, quiet: NDArray[np.bool_]) -> NDArray[np.intp]:

@@ -155,6 +155,16 @@ def test_corners_keep_the_order_of_convergence(kind: str) -> None:
     assert errors[1] < 1e-5
 
 
+@pytest.mark.parametrize("method", [{"name": "gpm", "nodes": 8}, {"name": "hermite_simpson", "intervals": 8}])
+def test_adapted_meshes_keep_the_corners(method: dict[str, Any]) -> None:
+    solution = answer(disturbed("previous", **method, adaptive={"tolerance": 1e-7}))
+    assert solution.success, solution.message
+    assert solution.objective == pytest.approx(least_energy("previous"), abs=1e-6)
+    breaks = solution.trajectory.basis.get("breaks", solution.trajectory.basis.get("knots"))
+    for corner in KNOTS[1:3]:
+        assert np.min(np.abs(np.array(breaks) - corner)) < 2e-9
+
+
 def test_corners_are_points_of_the_mesh_and_the_size_is_known_beforehand() -> None:
     document = disturbed("previous", name="hermite_simpson", intervals=9)
     problem = formulate(check_document(document).problem).problem
@@ -249,7 +259,7 @@ def test_leaving_a_table_that_ends_is_an_error_of_the_expression() -> None:
 
 
 def test_a_search_by_genes_flies_tables_too() -> None:
-    method = {"name": "ga", "generations": 30, "polish": False, "penalty": 1000}
+    method = {"name": "ga", "generations": 5, "polish": False, "penalty": 1000}
     solution = answer(disturbed("linear", **method))
     assert solution.verification.max_state_error is not None
     assert solution.verification.max_state_error < 1e-6
