@@ -136,8 +136,14 @@ def test_the_lines_of_a_request_and_of_its_job_are_found_by_its_id(observed: Obs
         found = [line for line in observed.lines() if line.get("request_id") == "find-me"]
         return [line for line in found if line["logger"] == logger]
 
-    # The worker writes its line when the end of the job is already known to everybody.
-    wait_until(lambda: bool(lines_of("worker.tasks")))
+    # The worker writes its last line when the end of the job is already known to everybody, and the API its
+    # own when the answer is sent.
+    wait_until(
+        lambda: (
+            bool(lines_of("ondelette.access"))
+            and any("succeeded" in line["message"] for line in lines_of("worker.tasks"))
+        )
+    )
     (access,) = lines_of("ondelette.access")
     assert (access["method"], access["path"], access["status"]) == ("POST", "/v1/jobs", 202)
     assert 0 < access["seconds"] < 40
