@@ -20,9 +20,10 @@ from app.settings import Settings
 from app.watch import StatusWatch
 from app.webhooks import Webhooks, read_secrets
 from solvers.errors import DocumentError, Fault
+from solvers.phases.trajectory import AnyTrajectory
+from solvers.phases.trajectory import trajectory_of as read_trajectory
 from solvers.sizes import ProblemSize, problem_size
 from solvers.spec import JobSpec, answer_digest, check_text
-from solvers.trajectory import Trajectory
 from worker.claims import Claims
 from worker.errors import JobGone, JobNotFound, QueueUnavailable, ResultLost, ResultsUnavailable
 from worker.keys import KeyStore, digest
@@ -305,10 +306,10 @@ def new_record(
     )
 
 
-def trajectory_of(answer: Mapping[str, Any]) -> Trajectory:
+def trajectory_of(answer: Mapping[str, Any]) -> AnyTrajectory:
     """Return the trajectory of a result; raises ServiceError for that of an iterate that diverged."""
     try:
-        return Trajectory.from_result(answer)
+        return read_trajectory(answer)
     except TypeError as error:
         raise not_finite() from error
 

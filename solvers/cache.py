@@ -11,16 +11,25 @@ import threading
 from collections import OrderedDict
 from collections.abc import Hashable
 from dataclasses import dataclass
+from typing import Protocol
 
 from solvers.optimizers.ipopt import Ipopt
-from solvers.transcription.builder import ProgramBuilder
+
+
+class Builder(Protocol):
+    """What keeps the matrices of a structure."""
+
+    @property
+    def size(self) -> int:
+        """The number of unknowns."""
+        ...
 
 
 @dataclass(frozen=True)
 class CompiledStructure:
     """A finished builder and an optimizer on its functions."""
 
-    builder: ProgramBuilder
+    builder: Builder
     optimizer: Ipopt
 
 

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
+from typing import Any, TypeVar
 
 import numpy as np
 
 from solvers.guess import Start, WarmStart
 from solvers.meshes import Mesh
 from solvers.minimum_energy import minimum_energy_start
-from solvers.session import Session, Solved
+from solvers.session import Account, Session, Solved, Stand
 from solvers.starts import several_starts
 from solvers.trajectory import Trajectory
 
@@ -23,7 +24,7 @@ def first_answers(
     ``span``: the part of all work that this is. Raises whatever the progress of the session raises.
     """
     answers = _from_earlier(session, meshes, earlier, span) or _from_starts(session, meshes, starts, span)
-    return sorted(answers, key=_rank)
+    return sorted(answers, key=rank)
 
 
 def _from_earlier(
@@ -58,7 +59,13 @@ def _starts(session: Session, count: int) -> Iterator[Start]:
     yield from others
 
 
-def _rank(answer: Solved) -> tuple[bool, float]:
+Ended = TypeVar("Ended", bound=Stand[Any, Any])
+
+SolveOn = Callable[[int, Any, str, tuple[float, float], bool], Ended]
+"""Solves the mesh of an index from a start: with its label, the part of all work, whether that is near."""
+
+
+def rank(answer: Stand[Any, Any]) -> tuple[bool, float]:
     """Converged answers first, then the smallest objective."""
     return not answer.converged, answer.objective if np.isfinite(answer.objective) else np.inf
 
@@ -67,16 +74,32 @@ def _continue(
     session: Session, meshes: Sequence[Mesh], first: Start, stage: str, share: tuple[float, float]
 ) -> Solved:
     """Solve mesh after mesh, each from the answer of the one before."""
-    start, width = first, (share[1] - share[0]) / len(meshes)
-    for index, mesh in enumerate(meshes):
-        label = stage if len(meshes) == 1 else f"{stage} level {index + 1} of {len(meshes)}"
+
+    def solve_on(index: int, start: Start, label: str, part: tuple[float, float], warm: bool) -> Solved:
+        transcription = meshes[index](session.problem, session.scaling, start)
+        return session.solve(transcription, label, part, warm=warm)
+
+    return continued(session, len(meshes), solve_on, first, stage, share)
+
+
+def continued(
+    account: Account,
+    meshes: int,
+    solve_on: SolveOn[Ended],
+    first: Any,
+    stage: str,
+    share: tuple[float, float],
+) -> Ended:
+    """Solve on mesh after mesh, the first one from ``first``, each other from the answer before."""
+    start, width = first, (share[1] - share[0]) / meshes
+    for index in range(meshes):
+        label = stage if meshes == 1 else f"{stage} level {index + 1} of {meshes}"
         part = share[0] + index * width, share[0] + (index + 1) * width
-        transcription = mesh(session.problem, session.scaling, start)
-        solved = session.solve(transcription, label, part, warm=start is not first)
+        solved = solve_on(index, start, label, part, start is not first)
         if solved.stopped:
             break
         # Building a fine mesh takes its time: ask before.
-        stop = session.stop if index + 1 < len(meshes) else None
+        stop = account.stop if index + 1 < meshes else None
         if stop is not None:
             return replace(solved, outcome=replace(solved.outcome, status=stop))
         # A coarse mesh that does not converge says nothing about the next one: start that like the first.

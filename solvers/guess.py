@@ -142,7 +142,7 @@ def make_guess(
     elif spec.from_result is not None:
         tf = evaluate_constant(spec.from_result["t"][-1], parameters)
     else:
-        tf = _default_final_time(times[1], t0)
+        tf = default_final_time(times[1], t0)
     return Guess(
         t0,
         tf,
@@ -183,7 +183,8 @@ def _middle(interval: Interval) -> float:
     return float(np.clip(0.0, lower, upper))
 
 
-def _default_final_time(interval: Interval, initial_time: float) -> float:
+def default_final_time(interval: Interval, initial_time: float) -> float:
+    """Where a search for a final time within an interval starts if the document does not say."""
     lower, upper = interval
     if np.isfinite(lower) and np.isfinite(upper):
         return float(np.sqrt(lower * upper)) if lower > 0 else 0.5 * (lower + upper)

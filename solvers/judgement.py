@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
+from solvers.errors import Fault
 from solvers.evaluation_fault import find_evaluation_fault
 from solvers.problem import OptimalControlProblem
 from solvers.progress import ProgressReport
-from solvers.session import Session
+from solvers.session import Account, Session
 from solvers.solution import PlantAnswer
 from solvers.spec import JobSpec
 from solvers.status import SolveStatus
@@ -27,17 +28,24 @@ def verified(
     problem: OptimalControlProblem | None = None,
 ) -> Verification:
     """Fly an answer that ended with ``status``; as an answer to ``problem``, by default the document's."""
+    flown = problem or session.problem
+    return flown_in_time(session, spec, status, lambda limits, end: verify(flown, trajectory, limits, end))
+
+
+def flown_in_time(
+    account: Account, spec: JobSpec, status: SolveStatus, fly: Callable[[Tolerances, float], Verification]
+) -> Verification:
+    """Fly an answer that ended with ``status``, within the tolerances and the time that it deserves."""
     started = time.perf_counter()
-    session.progress.report(ProgressReport("verify", session.iterations, fraction=1.0))
+    account.progress.report(ProgressReport("verify", account.iterations, fraction=1.0))
     deadline = time.monotonic() + _SECONDS.get(status, _SECONDS_UNCONVERGED)
-    tolerances = Tolerances(**spec.verification_tolerances())
-    verification = verify(problem or session.problem, trajectory, tolerances, deadline)
+    verification = fly(Tolerances(**spec.verification_tolerances()), deadline)
     # Of several plants the worst counts; none is known where one is not.
-    account, error = session.convergence[-1], verification.max_state_error
-    first = "verify" not in session.seconds
-    known = error if first else account["max_state_error"]
-    account["max_state_error"] = None if error is None or known is None else max(error, known)
-    session.seconds["verify"] = session.seconds.get("verify", 0.0) + time.perf_counter() - started
+    entry, error = account.convergence[-1], verification.max_state_error
+    first = "verify" not in account.seconds
+    known = error if first else entry["max_state_error"]
+    entry["max_state_error"] = None if error is None or known is None else max(error, known)
+    account.seconds["verify"] = account.seconds.get("verify", 0.0) + time.perf_counter() - started
     return verification
 
 
@@ -55,12 +63,24 @@ def judge(
     ``sentences`` stand for those of the status where a method has its own; ``others``: what further plants
     under the same command did.
     """
+    flights = [("", verification), *((f"{other.plant.name}: ", other.verification) for other in others)]
+    return judged(
+        status, flights, lambda: find_evaluation_fault(spec.problem, problem, trajectory), sentences
+    )
+
+
+def judged(
+    status: SolveStatus,
+    flights: Sequence[tuple[str, Verification]],
+    find_fault: Callable[[], Fault | None],
+    sentences: Mapping[SolveStatus, str] | None = None,
+) -> tuple[SolveStatus, str]:
+    """See :func:`judge`; ``flights`` with what stands before them in a message."""
     if status in (SolveStatus.EVALUATION_ERROR, SolveStatus.DIVERGED):
-        fault = find_evaluation_fault(spec.problem, problem, trajectory)
+        fault = find_fault()
         if fault is not None:
             status = SolveStatus.EVALUATION_ERROR
             return status, f"{status.sentence} {fault.pointer}: {fault.detail}"
-    flights = [("", verification), *((f"{other.plant.name}: ", other.verification) for other in others)]
     if status is SolveStatus.CONVERGED and not all(flight.passed for _, flight in flights):
         status = SolveStatus.UNVERIFIED
     details = [(sentences or {}).get(status, status.sentence)]

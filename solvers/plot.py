@@ -1,4 +1,4 @@
-"""A result as a picture: states, controls and outputs over time, bounds dashed, switches marked.
+"""A result as a picture: states, controls and outputs over time, bounds dashed, switches, phases marked.
 
 matplotlib is imported where a picture is drawn, and without pyplot: figures belong to nobody's global state.
 """
@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import io
 import threading
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -107,9 +107,11 @@ def _figure(result: Mapping[str, Any], rows: list[_Row]) -> Figure:
         for axis, row in zip(axes, rows, strict=True):
             _draw_row(axis, row)
             _mark(axis, switches, _bounds(margins.get(f"/problem/bounds/{row.name}")))
+            _mark_phases(axis, result["phases"], row.name, margins)
             axis.set_ylabel(with_unit(row.name, units), parse_math=False)
         axes[-1].set_xlabel(with_unit("t", units), parse_math=False)
         _label_switches(axes[0], switches)
+        _label_phases(axes[0], result["phases"])
         figure.align_ylabels(axes)
         if len(plants := max((list(row.curves) for row in rows), key=len)) > 1:
             handles = max((axis.get_lines()[: len(plants)] for axis in axes), key=len)
@@ -189,6 +191,32 @@ def _label_switches(axis: Axes, switches: list[float]) -> None:
             fontsize=7,
             color="#444444",
         )
+
+
+def _label_phases(axis: Axes, phases: Sequence[Mapping[str, Any]]) -> None:
+    """Names of phases inside the first row, where there are several."""
+    for phase in phases if len(phases) > 1 else ():
+        axis.annotate(
+            _label(phase["name"]),
+            xy=((phase["t0"] + phase["tf"]) / 2.0, 0.98),
+            xycoords=("data", "axes fraction"),
+            ha="center",
+            va="top",
+            fontsize=7.5,
+            color="#444444",
+        )
+
+
+def _mark_phases(
+    axis: Axes, phases: Sequence[Mapping[str, Any]], name: str, margins: Mapping[str, Mapping[str, Any]]
+) -> None:
+    """Where phases meet, and the bounds that one of them has for itself."""
+    for index, phase in enumerate(phases):
+        if index:
+            axis.axvline(phase["t0"], color="#333333", linewidth=0.9)
+        for bound in _bounds(margins.get(f"/problem/phases/{index}/bounds/{name}")):
+            span = [phase["t0"], phase["tf"]]
+            axis.plot(span, [bound, bound], color="#555555", linewidth=0.8, linestyle="--")
 
 
 def _bounds(margin: Mapping[str, Any] | None) -> list[float]:

@@ -8,6 +8,9 @@ from dataclasses import dataclass
 from typing import Any
 
 from solvers.bundle import Bundle, BundleError
+from solvers.phases.problem import phased_problem
+from solvers.phases.trajectory import PhasedTrajectory, trajectory_of
+from solvers.phases.verify import verify_phases
 from solvers.piecewise.again import verify_again
 from solvers.scenarios import formulate
 from solvers.spec import JobSpec, PiecewiseMethod, check_text
@@ -61,7 +64,7 @@ def replay(bundle: Bundle) -> Replay:
         raise BundleError("the job has no result, so there is nothing to verify")
     spec = check_text(bundle.document)
     try:
-        trajectory = Trajectory.from_result(bundle.result)
+        trajectory = trajectory_of(bundle.result)
         stored = bundle.result["verification"]
         limits = Tolerances(**{name: stored["tolerances"][name] for name in vars(Tolerances())})
         same = bundle.result["resolved"]["sha256"] == spec.resolved().sha256
@@ -69,7 +72,10 @@ def replay(bundle: Bundle) -> Replay:
         raise BundleError(
             f"the result cannot be read by this version ({type(error).__name__}: {error})"
         ) from error
-    if isinstance(spec.method, PiecewiseMethod):
+    if isinstance(trajectory, PhasedTrajectory):
+        phased = phased_problem(spec.problem)
+        found = verify_phases(phased, trajectory, limits, time.monotonic() + SECONDS)
+    elif isinstance(spec.method, PiecewiseMethod):
         found = _mission(spec, spec.method, bundle.result, trajectory, limits)
     else:
         problem = formulate(spec.problem).plants[0].problem

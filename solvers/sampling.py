@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from solvers.phases.problem import phased_problem
+from solvers.phases.trajectory import AnyTrajectory, PhasedTrajectory, joined
 from solvers.problem import OptimalControlProblem
 from solvers.scenarios import formulate
 from solvers.spec import check_document
@@ -30,6 +32,34 @@ def sample(
         "controls": {**rated, **sampled["controls"]},
         "outputs": {name: values.tolist() for name, values in outputs.items()},
     }
+
+
+def sample_phases(
+    problems: Sequence[OptimalControlProblem],
+    answer: PhasedTrajectory,
+    times: Vector,
+    *,
+    derivatives: bool = False,
+) -> list[dict[str, Any]]:
+    """The samples of each phase at those of these times that are its own; see :func:`sample`."""
+    return answer.by_phase(
+        times, lambda k, own: sample(problems[k], answer.parts[k], own, derivatives=derivatives)
+    )
+
+
+def resample(
+    result: Mapping[str, Any],
+    curves: AnyTrajectory,
+    times: Vector,
+    *,
+    derivatives: bool = False,
+) -> dict[str, Any]:
+    """The ``trajectory`` of a stored result, whose ``curves`` these are, at other times."""
+    if isinstance(curves, Trajectory):
+        return sample(problem_of(result), curves, times, derivatives=derivatives)
+    phases = phased_problem(check_document(result["resolved"]["document"]).problem).phases
+    problems = [phase.plant.problem for phase in phases]
+    return joined(sample_phases(problems, curves, times, derivatives=derivatives))
 
 
 def problem_of(result: Mapping[str, Any]) -> OptimalControlProblem:

@@ -12,17 +12,17 @@ too; nothing is solved again.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from typing import Any
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from typing import Any, Protocol, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
-from solvers.problem import OptimalControlProblem
+from solvers.optimizers.ipopt import Outcome
 from solvers.program import NonlinearProgram
 from solvers.scenarios import formulate
 from solvers.session import Solved
-from solvers.spec import BoundValue, ProblemSpec, Value, evaluate_constant
+from solvers.spec import BoundValue, PhaseSpec, ProblemSpec, Value, evaluate_constant
 
 Vector = NDArray[np.float64]
 Place = tuple[str | int, ...]
@@ -35,6 +35,23 @@ _TABLES = ("initial_state", "final_state", "bounds", "control_rates", "initial_c
 _LISTS = ("path_constraints", "boundary_constraints", "integrals")
 
 
+class Differentiable(Protocol):
+    """A transcription of a problem, with what stands for it where only numbers differ."""
+
+    @property
+    def objective_scale(self) -> float:
+        """What the objective of the program is multiplied by to give that of the document."""
+        ...
+
+    def of(self, problem: Any) -> Self:
+        """The same transcription of a problem that differs in numbers only."""
+        ...
+
+    def program(self, initial: Vector | None = None) -> NonlinearProgram:
+        """The scaled program."""
+        ...
+
+
 def sensitivity(spec: ProblemSpec, solved: Solved) -> dict[str, float | None]:
     """dJ*/dy by JSON pointer for every parameter of the model and every bound and end of a converged answer.
 
@@ -43,38 +60,57 @@ def sensitivity(spec: ProblemSpec, solved: Solved) -> dict[str, float | None]:
     names, for the table's numbers are built into the program.
     """
     parameters = solved.transcription.problem.parameters
-    lagrangian = _Lagrangian(solved)
-    here = lagrangian(solved.transcription.problem)
     built_in = {name for table in spec.tables().values() for name in table.names}
+    places = [*numbers_of(spec, parameters)]
+    fixed = [place for place, _ in places if place[0] == "model" and place[-1] in built_in]
+    varied = [(place, value, parameters) for place, value in places if place not in fixed]
+    found = slopes(spec, solved.transcription, solved.outcome, varied, lambda it: formulate(it).problem)
+    return {_pointer(place): found.get(_pointer(place)) for place, _ in places}
+
+
+def slopes(
+    spec: ProblemSpec,
+    transcription: Differentiable,
+    outcome: Outcome,
+    varied: Iterable[tuple[Place, Value, Mapping[str, float]]],
+    problem_of: Callable[[ProblemSpec], Any],
+) -> dict[str, float | None]:
+    """dJ*/dy by JSON pointer for every number that is ``varied``.
+
+    Each with its place, itself and the parameters in which it is an expression.
+    """
+    lagrangian = _Lagrangian(transcription, outcome)
+    here = lagrangian(problem_of(spec))
     found: dict[str, float | None] = {}
-    for place, value in _numbers(spec, parameters):
-        if place[0] == "model" and place[-1] in built_in:
-            found["/problem/" + "/".join(map(str, place))] = None
-            continue
+    for place, value, parameters in varied:
         number = evaluate_constant(value, parameters)
         step = _STEP * (abs(number) or 1.0)
 
         def there(change: float, place: Place = place, number: float = number) -> float:
-            return lagrangian(formulate(_changed(spec, place, number + change)).problem)
+            return lagrangian(problem_of(_changed(spec, place, number + change)))
 
         with np.errstate(all="ignore"):
             above = there(step)
             # The Lagrangian is linear in bounds and ends, smooth in parameters.
-            below, width = (there(-step), 2.0 * step) if place[0] == "model" else (here, step)
+            below, width = (there(-step), 2.0 * step) if "parameters" in place else (here, step)
         slope = (above - below) / width
-        found["/problem/" + "/".join(map(str, place))] = slope if np.isfinite(slope) else None
+        found[_pointer(place)] = slope if np.isfinite(slope) else None
     return found
+
+
+def _pointer(place: Place) -> str:
+    return "/problem/" + "/".join(map(str, place))
 
 
 class _Lagrangian:
     """The Lagrangian of a neighbouring problem at the answer of this one."""
 
-    def __init__(self, solved: Solved) -> None:
-        self._transcription, self._outcome = solved.transcription, solved.outcome
-        own = solved.transcription.program(solved.outcome.unknowns)
-        self._numbers, self._values = own.numbers, own.values(solved.outcome.unknowns)
+    def __init__(self, transcription: Differentiable, outcome: Outcome) -> None:
+        self._transcription, self._outcome = transcription, outcome
+        own = transcription.program(outcome.unknowns)
+        self._numbers, self._values = own.numbers, own.values(outcome.unknowns)
 
-    def __call__(self, problem: OptimalControlProblem) -> float:
+    def __call__(self, problem: Any) -> float:
         unknowns = self._outcome.unknowns
         program = self._transcription.of(problem).program(unknowns)
         objective, rows = self._evaluated(program)
@@ -85,7 +121,7 @@ class _Lagrangian:
             active = np.where(multipliers > 0.0, upper, lower)
             held = np.isfinite(active)
             objective += float(multipliers[held] @ (values - active)[held])
-        return objective * self._transcription.scaling.objective
+        return objective * self._transcription.objective_scale
 
     def _evaluated(self, program: NonlinearProgram) -> tuple[float, Vector]:
         """Objective and rows: those of the answer where only bounds are others."""
@@ -94,8 +130,13 @@ class _Lagrangian:
         return program.values(self._outcome.unknowns)
 
 
-def _numbers(spec: ProblemSpec, parameters: Mapping[str, float]) -> Iterator[tuple[Place, Value]]:
-    """The place in the problem and the value of everything that can be varied."""
+def numbers_of(
+    spec: ProblemSpec | PhaseSpec, parameters: Mapping[str, float]
+) -> Iterator[tuple[Place, Value]]:
+    """The place in the problem, or in a phase of it, and the value of everything that can be varied.
+
+    ``parameters``: those of the model that are varied.
+    """
     for name, number in parameters.items():
         yield ("model", "parameters", name), number
     for key in _TIMES:
@@ -106,7 +147,7 @@ def _numbers(spec: ProblemSpec, parameters: Mapping[str, float]) -> Iterator[tup
     for key in _LISTS:
         for index, item in enumerate(getattr(spec, key)):
             yield from _sides((key, index, "bounds"), item.bounds)
-    for name, item in spec.design.items():
+    for name, item in spec.design.items() if isinstance(spec, ProblemSpec) else ():
         yield from _sides(("design", name, "bounds"), item.bounds)
 
 

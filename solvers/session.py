@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Hashable
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, Generic, Protocol, TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from solvers.cache import STRUCTURES, CompiledStructure
 from solvers.optimizers.ipopt import Ipopt, Iterate, Limits, Outcome
@@ -18,6 +20,8 @@ from solvers.status import SolveStatus
 from solvers.trajectory import Trajectory
 from solvers.transcription.base import Transcription
 
+Vector = NDArray[np.float64]
+
 # About how many iterations a mesh takes: only the estimate of the fraction done depends on it.
 _USUAL_ITERATIONS = 30.0
 # Time between two sketches of where a solve is (s), and their number of samples: a picture, not an answer.
@@ -25,13 +29,17 @@ _SKETCH_EVERY = 1.0
 _SKETCH_SAMPLES = 41
 
 
-@dataclass(frozen=True)
-class Solved:
-    """A mesh, where the optimizer stopped on it, and the trajectory that this stands for."""
+Made = TypeVar("Made", bound="Optimisable")
+Found = TypeVar("Found")
 
-    transcription: Transcription
+
+@dataclass(frozen=True)
+class Stand(Generic[Made, Found]):
+    """What was solved, where the optimizer stopped on it, and the trajectory that this stands for."""
+
+    transcription: Made
     outcome: Outcome
-    trajectory: Trajectory
+    trajectory: Found
 
     @property
     def converged(self) -> bool:
@@ -44,25 +52,52 @@ class Solved:
         return self.outcome.status in (SolveStatus.CANCELLED, SolveStatus.TIME_LIMIT)
 
     @property
+    def objective(self) -> float:
+        """The objective of the document on this mesh."""
+        return self.outcome.objective * self.transcription.objective_scale
+
+
+@dataclass(frozen=True)
+class Solved(Stand[Transcription, Trajectory]):
+    """A problem on a mesh, and what came of it."""
+
+    @property
     def weighted_problem(self) -> OptimalControlProblem:
         """The problem with its integrals, times their multipliers, in the running cost."""
         return self.transcription.weighted_problem(self.outcome.row_multipliers)
 
+
+class Optimisable(Protocol):
+    """What makes programs of one structure."""
+
+    builder: Any
+
     @property
-    def objective(self) -> float:
-        """The objective of the document on this mesh."""
-        return self.outcome.objective * self.transcription.scaling.objective
+    def key(self) -> Hashable:
+        """Equal for those whose programs differ in numbers only; they may share a builder."""
+        ...
+
+    @property
+    def objective_scale(self) -> float:
+        """What the objective of the program is multiplied by to give that of the document."""
+        ...
+
+    def program(self) -> NonlinearProgram:
+        """The scaled program, with its start."""
+        ...
+
+    def sketch(self, unknowns: Vector, samples: int) -> dict[str, Any]:
+        """The trajectory of (scaled) unknowns on a grid of so many samples."""
+        ...
 
 
-@dataclass
-class Session:
-    """Solves mesh after mesh within the limits of one document, and keeps the account.
+@dataclass(kw_only=True)
+class Account:
+    """The limits of one document, and what its programs took and told.
 
     ``barrier``: where the barrier parameter of warm solves starts; None leaves it to the optimizer.
     """
 
-    problem: OptimalControlProblem
-    scaling: Scaling
     tolerance: float
     max_iterations: int
     limits: Limits
@@ -80,15 +115,15 @@ class Session:
             return SolveStatus.CANCELLED
         return SolveStatus.TIME_LIMIT if time.monotonic() >= self.limits.deadline else None
 
-    def solve(
+    def optimise(
         self,
-        transcription: Transcription,
+        transcription: Optimisable,
         stage: str,
         share: tuple[float, float] = (0.0, 1.0),
         *,
         warm: bool = False,
-    ) -> Solved:
-        """Solve one mesh. ``share``: the part of all work that it is; ``warm``: it starts near the answer.
+    ) -> Outcome:
+        """Solve one program. ``share``: the part of all work that it is; ``warm``: it starts near the answer.
 
         Raises whatever the progress raises.
         """
@@ -100,7 +135,7 @@ class Session:
                 ProgressReport(
                     stage,
                     self.iterations + iterate.iteration,
-                    iterate.objective * transcription.scaling.objective,
+                    iterate.objective * transcription.objective_scale,
                     iterate.infeasibility,
                     share[0] + done * (share[1] - share[0]),
                     trajectory=self._sketch(transcription, iterate),
@@ -116,34 +151,35 @@ class Session:
         optimizer = known.optimizer if known is not None else self._optimizer(program, warm=warm)
         outcome = optimizer.minimise(program, self.limits, report)
         STRUCTURES.put(key, CompiledStructure(transcription.builder, optimizer))
-        before = self.iterations
         self.iterations += outcome.iterations
         self.seconds["build"] += time.perf_counter() - started - outcome.seconds
         self.seconds["solve"] += outcome.seconds
-        solved = Solved(transcription, outcome, transcription.trajectory(outcome.unknowns))
+        return outcome
+
+    def note(self, nodes: int, objective: float, stage: str, outcome: Outcome, scale: float) -> None:
+        """Take note of a mesh that was solved; ``scale``: that of the objective of its iterates."""
+        before = self.iterations - outcome.iterations
         self.convergence.append(
             {
                 "level": len(self.convergence),
-                "nodes": int(solved.trajectory.nodes.size),
-                "objective": solved.objective,
+                "nodes": nodes,
+                "objective": objective,
                 "max_state_error": None,
                 "stage": stage,
                 "iterates": [
-                    [before + iteration, objective * transcription.scaling.objective, infeasibility]
+                    [before + iteration, objective * scale, infeasibility]
                     for iteration, objective, infeasibility in outcome.iterates
                 ],
             }
         )
-        return solved
 
-    def _sketch(self, transcription: Transcription, iterate: Iterate) -> dict[str, Any] | None:
+    def _sketch(self, transcription: Optimisable, iterate: Iterate) -> dict[str, Any] | None:
         """Where an iterate is, on a coarse grid; None if that was told a moment ago, or is nowhere."""
         now = time.monotonic()
         if now < self.next_sketch or not np.all(np.isfinite(iterate.unknowns)):
             return None
         self.next_sketch = now + _SKETCH_EVERY
-        trajectory = transcription.trajectory(iterate.unknowns)
-        return trajectory.sample(np.linspace(trajectory.t0, trajectory.tf, _SKETCH_SAMPLES))
+        return transcription.sketch(iterate.unknowns, _SKETCH_SAMPLES)
 
     def _optimizer(self, program: NonlinearProgram, *, warm: bool) -> Ipopt:
         return Ipopt(
@@ -153,3 +189,36 @@ class Session:
             warm=warm,
             barrier=self.barrier if warm else None,
         )
+
+
+@dataclass(kw_only=True)
+class Session(Account):
+    """Solves a problem on mesh after mesh within the limits of one document."""
+
+    problem: OptimalControlProblem
+    scaling: Scaling
+
+    def solve(
+        self,
+        transcription: Transcription,
+        stage: str,
+        share: tuple[float, float] = (0.0, 1.0),
+        *,
+        warm: bool = False,
+    ) -> Solved:
+        """Solve one mesh; see :meth:`Account.optimise`."""
+        outcome = self.optimise(transcription, stage, share, warm=warm)
+        solved = Solved(transcription, outcome, transcription.trajectory(outcome.unknowns))
+        nodes, scale = int(solved.trajectory.nodes.size), transcription.objective_scale
+        self.note(nodes, solved.objective, stage, outcome, scale)
+        return solved
+
+
+def start_report(answer: Stand[Any, Any], final_time: float, *, kept: bool) -> dict[str, Any]:
+    """The entry of ``starts`` of a result: where a start led, and whether that answer was kept."""
+    return {
+        "objective": answer.objective,
+        "final_time": final_time,
+        "status": answer.outcome.status.value,
+        "kept": kept,
+    }

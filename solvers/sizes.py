@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from solvers.bases.legendre import legendre_gauss
 from solvers.genetic.basis import basis_of
 from solvers.mesh_points import gauss_mesh, interval_mesh, spline_mesh
+from solvers.phases.problem import PhasedProblem, phased_problem
 from solvers.piecewise.driven import driven_states
 from solvers.piecewise.plan import Plan
 from solvers.problem import OptimalControlProblem
@@ -22,6 +23,7 @@ from solvers.spec import (
     GeneticMethod,
     HermiteSimpsonMethod,
     JobSpec,
+    Method,
     PiecewiseMethod,
     SplineWaveletMethod,
 )
@@ -62,11 +64,32 @@ def problem_size(spec: JobSpec) -> ProblemSize:
 
 
 def _mesh_size(spec: JobSpec) -> ProblemSize:
+    if spec.problem.phases:
+        return _flight_size(phased_problem(spec.problem), spec.method)
     formulation = formulate(spec.problem, spec.verification_tolerances()["terminal_error"])
     plain = isinstance(spec.method, GeneticMethod | PiecewiseMethod)
-    problem = formulation.plants[0].problem if plain else formulation.problem
+    return _size_with(spec.method, formulation.plants[0].problem if plain else formulation.problem)
+
+
+def _flight_size(problem: PhasedProblem, method: Method) -> ProblemSize:
+    """The programs of all phases, and the rows that join them."""
+    sizes = [_size_with(method, phase.problem) for phase in problem.phases]
+    joints = sum(1 + len(link.starts) for link in problem.links)
+    shared = [
+        sum(it.name == name for p in problem.phases for it in p.problem.design) for name in problem.design
+    ]
+    joints += sum(max(count - 1, 0) for count in shared) + len(problem.totals) + len(problem.boundary)
+    return ProblemSize(
+        sum(size.variables for size in sizes),
+        sum(size.constraints for size in sizes) + joints,
+        sum(size.nodes for size in sizes),
+        sum(size.seconds for size in sizes),
+    )
+
+
+def _size_with(method: Method, problem: OptimalControlProblem) -> ProblemSize:
     n, m = len(problem.states), len(problem.controls)
-    match spec.method:
+    match method:
         case GaussPseudospectralMethod(nodes=nodes, segments=segments):
             breaks, counts = gauss_mesh(problem, nodes, segments)
             controls = sum(counts)
@@ -90,13 +113,13 @@ def _mesh_size(spec: JobSpec) -> ProblemSize:
         case SplineWaveletMethod(L=length, first_level=level):
             return _spline_size(problem, spline_mesh(problem, length, level).knots)
         case PiecewiseMethod():
-            return _mission_size(problem, spec.method)
-        case GeneticMethod() as method:
+            return _mission_size(problem, method)
+        case GeneticMethod():
             return _genetic_size(problem, method)
         case AutoMethod():
             default = SplineWaveletMethod(name="swcm")
             return _spline_size(problem, spline_mesh(problem, default.L, default.J).knots)
-    raise TypeError(f"no size for the method {spec.method!r}")
+    raise TypeError(f"no size for the method {method!r}")
 
 
 def _mission_size(problem: OptimalControlProblem, method: PiecewiseMethod) -> ProblemSize:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import platform
+from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cache
@@ -51,15 +52,11 @@ class PlantAnswer:
     verification: Verification
 
 
-@dataclass(frozen=True)
-class Solution:
-    """A trajectory with its proof; ``success`` says that the program converged and the proof holds."""
+@dataclass(frozen=True, kw_only=True)
+class Answer(ABC):
+    """What a solve comes to; ``success`` says that the program converged and the proof holds."""
 
     spec: JobSpec
-    problem: OptimalControlProblem
-    trajectory: Trajectory
-    costates: Vector
-    """(n, K) at the nodes of the trajectory, dJ*/dx of every state; NaN where a method has none."""
     objective: float
     status: SolveStatus
     message: str
@@ -75,8 +72,6 @@ class Solution:
     statistics: Statistics
     sensitivity: Mapping[str, float | None] | None = None
     """Derivative of the objective with respect to parameters and bounds by pointer; None if not computed."""
-    plants: Sequence[PlantAnswer] = ()
-    """All plants under one command, the one of this result first; none without scenarios."""
     diagnosis: Sequence[Mapping[str, Any]] | None = None
     """What would have to give where no feasible point was found; None where a method does not look."""
     extras: Mapping[str, Any] = field(default_factory=dict)
@@ -87,38 +82,27 @@ class Solution:
         """Whether this is a converged and verified answer."""
         return self.status is SolveStatus.CONVERGED
 
+    @property
+    @abstractmethod
+    def span(self) -> tuple[float, float]:
+        """Initial and final time."""
+
+    @abstractmethod
+    def curves(self, times: Vector) -> dict[str, Any]:
+        """What the result says of the trajectory, which is sampled at these times, by key."""
+
     def result(self, job_id: str | None = None) -> dict[str, Any]:
         """The result of this solution: JSON types only; what is not finite or not computed is None."""
-        trajectory = self.trajectory
-        sampled = sample(self.problem, trajectory, self._sample_times())
-        phase = {
-            "name": "phase",
-            "t0": trajectory.t0,
-            "tf": trajectory.tf,
-            "start": 0,
-            "stop": len(sampled["t"]) - 1,
-        }
         plain: dict[str, Any] = {
             "job_id": job_id,
             "success": self.success,
             "status": self.status.value,
             "message": self.message,
             "objective": self.objective,
-            "final_time": trajectory.tf,
+            "final_time": self.span[1],
             "method": dict(self.method),
-            "coefficients": encode(trajectory.basis, trajectory.states, trajectory.controls),
-            "nodes": {
-                **trajectory.sample(trajectory.time(trajectory.nodes)),
-                "costates": dict(zip(trajectory.states, self.costates.tolist(), strict=True)),
-            },
-            "trajectory": sampled,
-            "outputs": output_extremes(self.problem, trajectory, sampled),
+            **self.curves(self.sample_times()),
             "integrals": dict(self.integrals),
-            "design": dict(trajectory.design),
-            "interpolation": {
-                **dict.fromkeys(self.problem.rated, trajectory.interpolation),
-                **{name: trajectory.interpolation_of(name) for name in trajectory.controls},
-            },
             "switching": dict(self.switching),
             "verification": self.verification.to_dict(),
             "statistics": {
@@ -138,16 +122,70 @@ class Solution:
             "starts": list(self.starts),
             "warnings": list(self.warnings),
             "model_report": self.model_report,
-            "phases": [phase],
             **self.extras,
         }
-        plain |= self._asked_for()
-        if self.plants:
-            plain["scenarios"] = {answer.plant.name: self._scenario(answer) for answer in self.plants}
+        plain |= self.asked_for()
         return {key: finite(value) for key, value in plain.items()}
 
-    def _asked_for(self) -> dict[str, Any]:
-        """The command table and the coasting, where the document asks for them."""
+    def asked_for(self) -> dict[str, Any]:
+        """What the document asks for besides."""
+        return {}
+
+    def sample_times(self) -> Vector:
+        """Equidistant times, and every switching instant twice: its left and its right value."""
+        times = np.linspace(*self.span, self.spec.output.samples)
+        switched = [time for found in self.switching.values() for time in found["times"]]
+        switches = np.unique([*self.jumps(), *switched])
+        # A sample that is a switching time but for rounding would stand beside it with the wrong value.
+        gap = np.abs(times[:, None] - switches).min(axis=1, initial=np.inf)
+        apart = gap > _ROUNDING * (self.span[1] - self.span[0])
+        apart[[0, -1]] = True
+        return np.sort(np.concatenate([times[apart], np.repeat(switches, 2)]))
+
+    def jumps(self) -> Sequence[float]:
+        """Further instants at which something jumps."""
+        return ()
+
+
+@dataclass(frozen=True, kw_only=True)
+class Solution(Answer):
+    """A trajectory with its proof."""
+
+    problem: OptimalControlProblem
+    trajectory: Trajectory
+    costates: Vector
+    """(n, K) at the nodes of the trajectory, dJ*/dx of every state; NaN where a method has none."""
+    plants: Sequence[PlantAnswer] = ()
+    """All plants under one command, the one of this result first; none without scenarios."""
+
+    @property
+    def span(self) -> tuple[float, float]:
+        """Initial and final time."""
+        return self.trajectory.t0, self.trajectory.tf
+
+    def curves(self, times: Vector) -> dict[str, Any]:
+        """See :meth:`Answer.curves`."""
+        trajectory = self.trajectory
+        sampled = sample(self.problem, trajectory, times)
+        phase = {
+            "name": "phase",
+            "t0": trajectory.t0,
+            "tf": trajectory.tf,
+            "start": 0,
+            "stop": len(sampled["t"]) - 1,
+        }
+        return {
+            "coefficients": encode(trajectory.basis, trajectory.states, trajectory.controls),
+            "nodes": nodes_of(trajectory, self.costates),
+            "trajectory": sampled,
+            "outputs": output_extremes(self.problem, trajectory, sampled),
+            "design": dict(trajectory.design),
+            "interpolation": interpolation_of(self.problem, trajectory),
+            "phases": [phase],
+        }
+
+    def asked_for(self) -> dict[str, Any]:
+        """The command table and the coasting, where the document asks for them, and every plant."""
         output, problem, found = self.spec.output, self.spec.problem, dict[str, Any]()
         if output.command is not None:
             answers = [answer.trajectory for answer in self.plants] or [self.trajectory]
@@ -159,12 +197,14 @@ class Solution:
                 found["warnings"] = [*self.warnings, warning]
         if output.coast is not None:
             found["coast"] = coasted(problem, self.trajectory, output.coast)
+        if self.plants:
+            found["scenarios"] = {answer.plant.name: self._scenario(answer) for answer in self.plants}
         return found
 
     def _scenario(self, answer: PlantAnswer) -> dict[str, Any]:
         """The entry of one of several plants."""
         problem, trajectory = answer.plant.problem, answer.trajectory
-        sampled = sample(problem, trajectory, self._sample_times())
+        sampled = sample(problem, trajectory, self.sample_times())
         return {
             "trajectory": sampled,
             "verification": answer.verification.to_dict(),
@@ -172,15 +212,21 @@ class Solution:
             "constraints": constraint_margins(problem, trajectory),
         }
 
-    def _sample_times(self) -> Vector:
-        """Equidistant times, and every switching instant twice: its left and its right value."""
-        times = np.linspace(self.trajectory.t0, self.trajectory.tf, self.spec.output.samples)
-        switches = np.unique([time for found in self.switching.values() for time in found["times"]])
-        # A sample that is a switching time but for rounding would stand beside it with the wrong value.
-        gap = np.abs(times[:, None] - switches).min(axis=1, initial=np.inf)
-        apart = gap > _ROUNDING * self.trajectory.duration
-        apart[[0, -1]] = True
-        return np.sort(np.concatenate([times[apart], np.repeat(switches, 2)]))
+
+def nodes_of(trajectory: Trajectory, costates: Vector) -> dict[str, Any]:
+    """The ``nodes`` of a result, with the costates (n, K) there."""
+    return {
+        **trajectory.sample(trajectory.time(trajectory.nodes)),
+        "costates": dict(zip(trajectory.states, costates.tolist(), strict=True)),
+    }
+
+
+def interpolation_of(problem: OptimalControlProblem, trajectory: Trajectory) -> dict[str, str]:
+    """The ``interpolation`` of a result: how each control is to be read between nodes."""
+    return {
+        **dict.fromkeys(problem.rated, trajectory.interpolation),
+        **{name: trajectory.interpolation_of(name) for name in trajectory.controls},
+    }
 
 
 @cache

@@ -17,6 +17,9 @@ from solvers.judgement import judge, verified
 from solvers.meshes import meshes_of
 from solvers.model_report import model_report
 from solvers.optimizers.ipopt import Limits
+from solvers.phases.solution import PhasedSolution
+from solvers.phases.solve import solve_phases
+from solvers.phases.trajectory import AnyTrajectory, PhasedTrajectory
 from solvers.piecewise.solve import solve_piecewise
 from solvers.problem import OptimalControlProblem
 from solvers.progress import Progress, SilentProgress
@@ -25,10 +28,9 @@ from solvers.report import constraint_margins
 from solvers.scaling import automatic_scaling
 from solvers.scenarios import formulate
 from solvers.sensitivity import sensitivity
-from solvers.session import Session, Solved
+from solvers.session import Session, start_report
 from solvers.solution import PlantAnswer, Solution, Statistics
 from solvers.spec import GeneticMethod, JobSpec, PiecewiseMethod
-from solvers.trajectory import Trajectory
 
 # The part of all work that a first answer is taken to be where more is asked for.
 _FIRST_SPAN = 0.5
@@ -37,19 +39,25 @@ _FIRST_SPAN = 0.5
 def solve(
     spec: JobSpec,
     progress: Progress | None = None,
-    earlier: Trajectory | None = None,
+    earlier: AnyTrajectory | None = None,
     seconds: float = math.inf,
-) -> Solution:
+) -> Solution | PhasedSolution:
     """Solve a checked document and verify the answer.
 
     ``earlier`` is the answer of the job that the document names in ``warm_start``; ``seconds`` is the time
     there is, where that is less than the document's ``max_seconds``. Never raises for a
     numerical failure: the last iterate comes back with its status. Raises DocumentError if ``warm_start`` is
-    given without ``earlier``, and what ``progress`` raises.
+    given without an ``earlier`` answer of the same kind, and what ``progress`` raises.
     """
     if spec.warm_start is not None and earlier is None:
         detail = "there is no earlier job to start from here; guess.from_result takes the nodes of a result"
         raise DocumentError([Fault("/warm_start", detail)])
+    if spec.problem.phases:
+        return solve_phases(
+            spec, progress or SilentProgress(), min(spec.options.max_seconds, seconds), _phased(spec, earlier)
+        )
+    if isinstance(earlier, PhasedTrajectory):
+        raise _another_kind("the earlier job flew phases, and there are none here")
     if isinstance(spec.method, PiecewiseMethod):
         return solve_piecewise(spec, progress or SilentProgress(), min(spec.options.max_seconds, seconds))
     started = time.perf_counter()
@@ -114,7 +122,7 @@ def solve(
         constraints=constraint_margins(leading.problem, trajectory),
         sensitivity=slopes,
         convergence=session.convergence,
-        starts=[_start_report(answer, kept=answer is answers[0]) for answer in answers],
+        starts=[start_report(item, item.trajectory.tf, kept=item is answers[0]) for item in answers],
         warnings=[*formulation.warnings, *improved.warnings],
         plants=() if one_plant else plants,
         diagnosis=diagnosis,
@@ -128,21 +136,29 @@ def solve(
     )
 
 
+def _phased(spec: JobSpec, earlier: AnyTrajectory | None) -> PhasedTrajectory | None:
+    """An earlier answer, which must have as many phases."""
+    if earlier is None:
+        return None
+    count, wanted = (
+        len(earlier.parts) if isinstance(earlier, PhasedTrajectory) else 0,
+        len(spec.problem.phases),
+    )
+    if not isinstance(earlier, PhasedTrajectory) or count != wanted:
+        raise _another_kind(f"the earlier job flew {count} phases, and here are {wanted}")
+    return earlier
+
+
+def _another_kind(detail: str) -> DocumentError:
+    return DocumentError([Fault("/warm_start", detail)])
+
+
 def _session(spec: JobSpec, problem: OptimalControlProblem, progress: Progress, seconds: float) -> Session:
     return Session(
-        problem,
-        automatic_scaling(problem),
-        spec.options.tolerance,
-        spec.options.max_iterations,
-        Limits(time.monotonic() + seconds, progress.cancelled),
-        progress,
+        problem=problem,
+        scaling=automatic_scaling(problem),
+        tolerance=spec.options.tolerance,
+        max_iterations=spec.options.max_iterations,
+        limits=Limits(time.monotonic() + seconds, progress.cancelled),
+        progress=progress,
     )
-
-
-def _start_report(answer: Solved, *, kept: bool) -> dict[str, Any]:
-    return {
-        "objective": answer.objective,
-        "final_time": answer.trajectory.tf,
-        "status": answer.outcome.status.value,
-        "kept": kept,
-    }

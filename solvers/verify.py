@@ -78,6 +78,10 @@ class Verification:
     note: str
     hamiltonian_drift: float | None = None
     mesh_error_estimate: float | None = None
+    end: Vector | None = None
+    """The final state, (n,): as flown, or as promised where the flight says nothing of it."""
+    parts: tuple[Verification, ...] = ()
+    """Those of the phases of a flight."""
 
     @property
     def passed(self) -> bool:
@@ -139,23 +143,28 @@ class _Evidence:
 
 
 def verify(
-    problem: OptimalControlProblem, trajectory: Trajectory, tolerances: Tolerances, deadline: float
+    problem: OptimalControlProblem,
+    trajectory: Trajectory,
+    tolerances: Tolerances,
+    deadline: float,
+    begin: Vector | None = None,
 ) -> Verification:
     """Integrate the returned control, clipped to its bounds, and compare.
 
     ``deadline`` (of ``time.monotonic()``) bounds the effort: what is not computed by then is None, and fails.
+    ``begin`` (n,): the state from which the whole flight begins, by default the promised one.
     """
     tau = dense(trajectory.breakpoints)
     states, controls = trajectory.states_at(tau), trajectory.controls_at(tau)
-    scale = _scale(states)
+    scale = scale_of(states)
     model = ControlledModel(problem, trajectory, scale, deadline)
-    evidence = _fly(problem, trajectory, model)
+    evidence = _fly(problem, trajectory, model, begin)
     terminal_error, state_error = (
         _scaled_maximum(errors, scale) for errors in (evidence.misses, evidence.arc_errors)
     )
     bounds = max(
         scaled_violation(states, np.array(problem.state_bounds), scale),
-        scaled_violation(controls, model.bounds, _scale(controls)),
+        scaled_violation(controls, model.bounds, scale_of(controls)),
     )
     scope = problem.scope(
         states, model.clipped(tau), trajectory.time(tau), problem.parameters_of(trajectory), NUMPY
@@ -165,8 +174,8 @@ def verify(
     start = trajectory.states_at(np.zeros(1))
     ends = max(
         scaled_violation(start, np.array(problem.initial_state), scale),
-        scaled_violation(controls[:, [0]], np.array(problem.initial_control), _scale(controls)),
-        scaled_violation(controls[:, [-1]], np.array(problem.final_control), _scale(controls)),
+        scaled_violation(controls[:, [0]], np.array(problem.initial_control), scale_of(controls)),
+        scaled_violation(controls[:, [-1]], np.array(problem.final_control), scale_of(controls)),
         largest_violation(problem.boundary, ends_scope),
         _integral_violation(problem, evidence),
     )
@@ -200,10 +209,13 @@ def verify(
         tolerances=tolerances,
         checks=tuple(checks),
         note=evidence.note,
+        end=evidence.ends,
     )
 
 
-def _fly(problem: OptimalControlProblem, trajectory: Trajectory, model: ControlledModel) -> _Evidence:
+def _fly(
+    problem: OptimalControlProblem, trajectory: Trajectory, model: ControlledModel, begin: Vector | None
+) -> _Evidence:
     """Fly every arc from its promised start, then, where that says something, the whole way."""
     evidence = _Evidence()
     promised = trajectory.states_at(model.breakpoints)
@@ -222,6 +234,11 @@ def _fly(problem: OptimalControlProblem, trajectory: Trajectory, model: Controll
                 "nothing; success rests on the error from breakpoint to breakpoint."
             )
             return replace(evidence, note=note)
+        if begin is not None:
+            # To first order the other begin moves the end of the first arc so.
+            ends = arcs.ends.copy()
+            ends[:, 0] += slopes[0] @ (begin - promised[:, 0])
+            promised, arcs = np.column_stack([begin, promised[:, 1:]]), replace(arcs, ends=ends)
         flight = model.fly(promised, slopes, arcs)
     except FlightError as error:
         return replace(evidence, note=f"The whole flight was not computed: {error}.")
@@ -238,7 +255,7 @@ def dense(breakpoints: Vector) -> Vector:
     return np.append((breakpoints[:-1, None] + np.diff(breakpoints)[:, None] * fractions).ravel(), 1.0)
 
 
-def _scale(values: Vector) -> Vector:
+def scale_of(values: Vector) -> Vector:
     """The scale of each row: its largest magnitude, at least a smallest one."""
     scale: Vector = np.maximum(SMALLEST_SCALE, np.abs(values).max(axis=1, initial=0.0))
     return scale
@@ -260,7 +277,7 @@ def _integral_violation(problem: OptimalControlProblem, evidence: _Evidence) -> 
     if evidence.integrals is None or not problem.integrals:
         return 0.0
     values = evidence.integrals[1:, None]
-    return scaled_violation(values, np.array([item.interval for item in problem.integrals]), _scale(values))
+    return scaled_violation(values, np.array([item.interval for item in problem.integrals]), scale_of(values))
 
 
 def largest_violation(

@@ -338,8 +338,8 @@ def _limits() -> Iterator[BadDocument]:
 
 
 def _unsupported() -> Iterator[BadDocument]:
-    for name, pointer, value in (("phases", "/problem/phases", [{"name": "first"}]),):
-        yield BadDocument(f"unsupported: {name}", _json(changed(pointer, value)), pointer, "unsupported")
+    document = changed("/problem/phases", [{"name": "first"}]) | {"warm_start": "an earlier job"}
+    yield BadDocument("unsupported: phases", _json(document), "/warm_start", "unsupported")
 
 
 def _genetic() -> Iterator[BadDocument]:

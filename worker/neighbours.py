@@ -11,7 +11,7 @@ from collections import OrderedDict, deque
 from collections.abc import Iterable, Mapping
 from typing import Any
 
-from solvers.trajectory import Trajectory
+from solvers.phases.trajectory import AnyTrajectory, trajectory_of
 from worker.errors import JobGone, JobNotFound, ResultLost
 from worker.records import SweepPlace
 from worker.store import JobStore
@@ -29,9 +29,9 @@ class Neighbours:
     def __init__(self, store: JobStore, sweeps: SweepStore) -> None:
         self._store = store
         self._sweeps = sweeps
-        self._answers: OrderedDict[str, deque[tuple[Place, Trajectory]]] = OrderedDict()
+        self._answers: OrderedDict[str, deque[tuple[Place, AnyTrajectory]]] = OrderedDict()
 
-    def nearest(self, at: SweepPlace) -> Trajectory | None:
+    def nearest(self, at: SweepPlace) -> AnyTrajectory | None:
         """Return the answer of the solved point nearest to ``at``, None where none is known."""
         own = self._answers.get(at.sweep)
         if own:
@@ -41,7 +41,7 @@ class Neighbours:
             job_id for job_id, place in sorted(solved, key=lambda it: _distance(it[1], at.place))
         )
 
-    def found(self, at: SweepPlace, job_id: str, answer: Trajectory) -> None:
+    def found(self, at: SweepPlace, job_id: str, answer: AnyTrajectory) -> None:
         """Remember the answer of a point, and let other processes know that there is one."""
         self._answers.setdefault(at.sweep, deque(maxlen=_ANSWERS)).append((at.place, answer))
         self._answers.move_to_end(at.sweep)
@@ -55,14 +55,14 @@ class Neighbours:
         if record.sweep is not None:
             self._sweeps.note(record.sweep, ending_of(record, figures))
 
-    def _read(self, job_ids: Iterable[str]) -> Trajectory | None:
+    def _read(self, job_ids: Iterable[str]) -> AnyTrajectory | None:
         for job_id in job_ids:
             try:
                 result = self._store.result(job_id)
             except (JobNotFound, JobGone, ResultLost):
                 continue
             if result is not None:
-                return Trajectory.from_result(json.loads(result))
+                return trajectory_of(json.loads(result))
         return None
 
 

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from solvers.flight import FlightError
     from solvers.flights.fly import FlightsStopped
     from solvers.flights.run import Flights
-    from solvers.solution import Solution
+    from solvers.solution import Answer
 
 logger = logging.getLogger(__name__)
 
@@ -57,7 +57,7 @@ ABORTED = JobError(
 )
 
 
-def of_solution(solution: Solution, job_id: str, limit: int) -> Outcome:
+def of_solution(solution: Answer, job_id: str, limit: int) -> Outcome:
     """Return the end of a job that was solved; a compressed result over ``limit`` bytes fails it."""
     members = solution.result(job_id)
     figures = figures_of(members)

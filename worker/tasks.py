@@ -20,10 +20,10 @@ from celery.worker.request import Request
 from opentelemetry.trace import SpanKind
 from redis.exceptions import RedisError
 
+from solvers.phases.trajectory import AnyTrajectory, trajectory_of
 from solvers.solve import solve
 from solvers.spec import check_text
 from solvers.status import SolveStatus
-from solvers.trajectory import Trajectory
 from worker import outcome, traces
 from worker.errors import STORE_AWAY, JobGone, JobNotFound, ResultLost
 from worker.flights import FlightsJob, read_source
@@ -126,7 +126,7 @@ def _assigned(
     return work, seconds
 
 
-def earlier_answer(store: JobStore, job_id: str | None) -> Trajectory | None:
+def earlier_answer(store: JobStore, job_id: str | None) -> AnyTrajectory | None:
     """Return the answer of the job to start from, None if none is named or it is not there any more."""
     if job_id is None:
         return None
@@ -134,7 +134,7 @@ def earlier_answer(store: JobStore, job_id: str | None) -> Trajectory | None:
         result = store.result(job_id)
     except (JobNotFound, JobGone, ResultLost):
         return None
-    return None if result is None else Trajectory.from_result(json.loads(result))
+    return None if result is None else trajectory_of(json.loads(result))
 
 
 class JobRequest(Request):

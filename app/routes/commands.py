@@ -52,6 +52,8 @@ def command(
     if stored["method"]["name"] == "piecewise":
         raise ServiceError("no-result", "A mission in segments has no command table.")
     spec = check_document(stored["resolved"]["document"])
+    if spec.problem.phases:
+        raise ServiceError("no-result", "A flight of phases has no command table in this version.")
     given = spec.output.command
     if given is None and period is None:
         raise wrong_parameter("period", "is needed, for the document has no output.command")

@@ -19,9 +19,9 @@ from app.schemas import JobView
 from app.service import Service, Shared, not_finite, trajectory_of
 from solvers.bundle import pack
 from solvers.export import to_csv, to_mat, to_npz
+from solvers.phases.trajectory import AnyTrajectory
 from solvers.plot import render
-from solvers.sampling import problem_of, sample
-from solvers.trajectory import Trajectory
+from solvers.sampling import resample
 from worker.records import JobEvent, timestamp
 
 router = APIRouter(prefix="/v1/jobs/{job_id}", tags=["results"])
@@ -88,7 +88,7 @@ def trajectory(
     stored = service.answer(job_id)
     curves = trajectory_of(stored)
     times = _times(curves, samples, t, dt)
-    sampled = sample(problem_of(stored), curves, times, derivatives=derivatives)
+    sampled = resample(stored, curves, times, derivatives=derivatives)
     try:
         text = json.dumps({"job_id": job_id, **sampled}, allow_nan=False, separators=(",", ":"))
     except ValueError as error:
@@ -149,7 +149,7 @@ def _plot(service: Service, job_id: str, kind: Literal["svg", "png"], media: str
 
 
 def _times(
-    curves: Trajectory, samples: int | None, times: str | None, step: float | None
+    curves: AnyTrajectory, samples: int | None, times: str | None, step: float | None
 ) -> NDArray[np.float64]:
     if sum(choice is not None for choice in (samples, times, step)) > 1:
         raise wrong_parameter("samples", "give only one of samples, t and dt")
@@ -166,7 +166,7 @@ def _times(
     return np.linspace(t0, tf, samples or DEFAULT_SAMPLES)
 
 
-def _listed(times: str, curves: Trajectory) -> NDArray[np.float64]:
+def _listed(times: str, curves: AnyTrajectory) -> NDArray[np.float64]:
     words = times.split(",")
     if len(words) > MAX_SAMPLES:
         raise wrong_parameter("t", f"has more than {MAX_SAMPLES:,} times, the limit")

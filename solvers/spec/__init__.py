@@ -27,18 +27,11 @@ from solvers.spec.models import (
     definitions_of,
     written_out,
 )
+from solvers.spec.parts import BoundaryConstraint, DesignSpec, Guess, Objective, PathConstraint
+from solvers.spec.phase_merge import PhaseView, fields_of, phase_fields, phase_views
+from solvers.spec.phases import LinkSpec, PhaseSpec
 from solvers.spec.piecewise import Plant, Segments, Stop, Tracking
-from solvers.spec.problem import (
-    BoundaryConstraint,
-    DesignSpec,
-    Guess,
-    Objective,
-    PathConstraint,
-    ProblemSpec,
-    final_intervals,
-    initial_intervals,
-    path_intervals,
-)
+from solvers.spec.problem import ProblemSpec, final_intervals, initial_intervals, path_intervals
 from solvers.spec.resolution import Resolution, answer_digest, canonical_json
 from solvers.spec.scenarios import ScenarioSpec
 from solvers.spec.scope import VIBRATION_ENERGY
@@ -61,12 +54,15 @@ __all__ = [
     "Interval",
     "JobSpec",
     "LibraryReference",
+    "LinkSpec",
     "MechanicalModel",
     "Method",
     "Objective",
     "Options",
     "Output",
     "PathConstraint",
+    "PhaseSpec",
+    "PhaseView",
     "PiecewiseMethod",
     "Plant",
     "ProblemSpec",
@@ -87,11 +83,14 @@ __all__ = [
     "check_text",
     "definitions_of",
     "evaluate_constant",
+    "fields_of",
     "final_intervals",
     "initial_intervals",
     "inside",
     "job_schema",
     "parse_document",
     "path_intervals",
+    "phase_fields",
+    "phase_views",
     "written_out",
 ]

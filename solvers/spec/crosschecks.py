@@ -22,6 +22,7 @@ from solvers.spec.data import check_data
 from solvers.spec.faults import Flaws, Path
 from solvers.spec.matrices import MatrixOf, matrix_rows
 from solvers.spec.modal_checks import check_modal
+from solvers.spec.phase_checks import check_phases, phase_documents
 from solvers.spec.piecewise_checks import check_piecewise
 from solvers.spec.scenarios import MAX_CASES, check_cases
 from solvers.spec.scope import (
@@ -48,8 +49,9 @@ def cross_check(scope: Scope) -> Flaws:
     _check_library(scope, flaws)
     check_piecewise(scope, flaws)
     _check_times(scope, flaws)
-    _check_ends(scope, flaws)
-    _check_control_ends(scope, flaws)
+    if not scope.problem.get("phases"):
+        _check_ends(scope, flaws)
+        _check_control_ends(scope, flaws)
     _check_design(scope, flaws)
     check_data(scope, flaws)
     check_attitude(scope, flaws)
@@ -57,6 +59,8 @@ def cross_check(scope: Scope) -> Flaws:
     check_support(scope, flaws)
     check_cases(scope, flaws)
     _check_each_case(scope, flaws)
+    check_phases(scope, flaws)
+    _check_each_phase(scope, flaws)
     if scope.known and scope.axes:
         check_modal(scope, flaws)
     elif scope.known and scope.coordinates:
@@ -80,6 +84,13 @@ def _check_each_case(scope: Scope, flaws: Flaws) -> None:
         for fault in cross_check(read_scope({**scope.document, "problem": alone})).faults():
             detail = f"in this case {fault.pointer}: {fault.detail}"
             flaws.add(detail, "problem", "scenarios", "cases", index, type=fault.type)
+
+
+def _check_each_phase(scope: Scope, flaws: Flaws) -> None:
+    """What would be wrong with the document that asks for a phase alone, where it stands in this one."""
+    for view, document in phase_documents(scope) if scope.known else ():
+        for path, detail, kind in cross_check(read_scope(document)).found:
+            flaws.add(detail, *view.located(path), type=kind)
 
 
 def _check_names(scope: Scope, flaws: Flaws) -> None:

@@ -19,8 +19,7 @@ from solvers.spec.method_model import SplineAdaptivity
 from solvers.spec.methods import METHODS
 from solvers.spec.modal import Mode
 from solvers.spec.models import FirstOrderModel, LibraryReference, MechanicalModel, ModalModel
-from solvers.spec.piecewise import Segments, Stop, Tracking
-from solvers.spec.problem import (
+from solvers.spec.parts import (
     BoundaryConstraint,
     DesignSpec,
     Guess,
@@ -28,8 +27,10 @@ from solvers.spec.problem import (
     NamedOutput,
     Objective,
     PathConstraint,
-    ProblemSpec,
 )
+from solvers.spec.phases import LinkSpec, PhaseSpec
+from solvers.spec.piecewise import Segments, Stop, Tracking
+from solvers.spec.problem import ProblemSpec
 from solvers.spec.scenarios import Scenarios, ScenarioSpec
 from solvers.spec.scope import Scope
 from solvers.spec.webhook import Webhook
@@ -57,6 +58,8 @@ _OBJECTS: dict[str, type[SpecModel]] = {
     "scenarios": Scenarios,
     "cases": ScenarioSpec,
     "guess": Guess,
+    "phases": PhaseSpec,
+    "links": LinkSpec,
     "options": Options,
     "verification": Verification,
     "output": Output,
@@ -80,7 +83,7 @@ def nested(kind: type[Object], value: Any, scope: Scope, flaws: Flaws) -> Object
     try:
         return kind.model_validate(value, context=scope)
     except ValidationError as error:
-        flaws.found += islice(_flaws(error, scope), MAX_FAULTS)
+        flaws.found += islice(_flaws(error, scope, kind), MAX_FAULTS)
     return None
 
 

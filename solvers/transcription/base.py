@@ -10,7 +10,7 @@ import copy
 from abc import abstractmethod
 from collections.abc import Hashable, Sequence
 from dataclasses import dataclass, replace
-from typing import Self
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -114,6 +114,16 @@ class Transcription(Assembly):
         """The trajectory of a (scaled) solution of the program."""
         unknowns = scaled * self.builder.scale
         return replace(self.read(unknowns), design=self.design(unknowns))
+
+    @property
+    def objective_scale(self) -> float:
+        """What the objective of the program is multiplied by to give that of the document."""
+        return self.scaling.objective
+
+    def sketch(self, scaled: Vector, samples: int) -> dict[str, Any]:
+        """The trajectory of (scaled) unknowns on a grid of so many samples."""
+        trajectory = self.trajectory(scaled)
+        return trajectory.sample(np.linspace(trajectory.t0, trajectory.tf, samples))
 
     def design(self, unknowns: Vector) -> dict[str, float]:
         """The design parameters of a solution (unscaled) by name."""

@@ -201,8 +201,8 @@ class ProgramBuilder:
             initial=initial,
             lower=lower / scale,
             upper=upper / scale,
-            constraint_lower=np.concatenate([bounds[0] for bounds in row_bounds]),
-            constraint_upper=np.concatenate([bounds[1] for bounds in row_bounds]),
+            constraint_lower=np.concatenate([np.empty(0), *(bounds[0] for bounds in row_bounds)]),
+            constraint_upper=np.concatenate([np.empty(0), *(bounds[1] for bounds in row_bounds)]),
             groups=tuple(groups),
         )
 
@@ -250,13 +250,17 @@ class ProgramBuilder:
             initial=nothing,
             lower=nothing,
             upper=nothing,
-            linear=sparse.csr_array(sparse.vstack([rows.matrix for rows in self._rows], format="csr")),
+            linear=sparse.csr_array(
+                sparse.vstack(
+                    [sparse.csr_array((0, self.size)), *(rows.matrix for rows in self._rows)], format="csr"
+                )
+            ),
             linear_cost=nothing,
             constraint_lower=no_rows,
             constraint_upper=no_rows,
             groups=tuple(self._place_function(item, this) for item in self._functions),
         )
-        row_scale = 1.0 / np.concatenate([rows.scale for rows in self._rows])
+        row_scale = 1.0 / np.concatenate([no_rows[:0], *(rows.scale for rows in self._rows)])
         return program.scaled(self.scale, row_scale, 1.0 / objective_scale)
 
     def _place_function(self, item: _Function, this: Any) -> PlaceFunction:

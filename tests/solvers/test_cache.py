@@ -56,7 +56,7 @@ def answer(
             transcription = HermiteSimpson(*common, np.linspace(0.0, 1.0, 13))
     settings = {"tolerance": 1e-8, "max_iterations": 500} | options
     limits = Limits(time.monotonic() + 60, lambda: False)
-    session = Session(problem, scaling, **settings, limits=limits, progress=SilentProgress())
+    session = Session(problem=problem, scaling=scaling, **settings, limits=limits, progress=SilentProgress())
     solved = session.solve(transcription, "solve")
     return solved.objective, session.iterations
 

@@ -168,7 +168,14 @@ def test_what_has_a_feasible_point_gets_no_diagnosis_but_another_try(
     spec = check_document({**flexible_spacecraft, "method": METHODS[0]})
     problem = formulate(spec.problem).problem
     limits = Limits(time.monotonic() + 60.0, SilentProgress().cancelled)
-    session = Session(problem, automatic_scaling(problem), 1e-8, 500, limits, SilentProgress())
+    session = Session(
+        problem=problem,
+        scaling=automatic_scaling(problem),
+        tolerance=1e-8,
+        max_iterations=500,
+        limits=limits,
+        progress=SilentProgress(),
+    )
     good = first_answers(session, meshes_of(spec.method), 1, None, 1.0)[0]
     given_up = replace(good, outcome=replace(good.outcome, status=status))
     again, diagnosis = diagnose(session, spec.problem, given_up)

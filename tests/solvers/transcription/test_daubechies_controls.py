@@ -37,7 +37,14 @@ def solved(document: dict[str, Any], basis: DaubechiesBasis, level: int) -> Solv
     problem = OptimalControlProblem.from_spec(check_document(document).problem)
     scaling = automatic_scaling(problem)
     limits = Limits(time.monotonic() + 60, lambda: False)
-    session = Session(problem, scaling, 1e-10, 500, limits, SilentProgress())
+    session = Session(
+        problem=problem,
+        scaling=scaling,
+        tolerance=1e-10,
+        max_iterations=500,
+        limits=limits,
+        progress=SilentProgress(),
+    )
     answer = session.solve(DaubechiesControls(problem, scaling, problem.guess, basis, level), "solve")
     assert answer.converged
     return answer

@@ -1,0 +1,107 @@
+"""Where the phases of a flight start: what each says, else straight lines over all of them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from solvers.guess import WHOLE, Guess, default_final_time
+from solvers.problem import OptimalControlProblem
+from solvers.quantities import Interval
+from solvers.spec import ProblemSpec, evaluate_constant, fields_of, inside, written_out
+
+Begin = Callable[[int, Any], Mapping[str, float]]
+"""States with which a phase begins, from its index and the end (x, u, t) of the phase before."""
+
+
+def phase_times(
+    spec: ProblemSpec, fields: Sequence[Mapping[str, Any]], interval: Callable[[Any, Any], Interval]
+) -> list[Interval]:
+    """Begin and end of every phase in the guess: as given, else fixed, else evenly between those known."""
+    stops = [interval(item["final_time"], item["model"]) for item in fields]
+    start = inside(interval(spec.initial_time, spec.submitted_model))
+    known = [start, *(_known_end(item, stop) for item, stop in zip(fields, stops, strict=True))]
+    if known[-1] is None:
+        parameters = spec.model.parameter_values()
+        given = spec.guess.final_time
+        known[-1] = (
+            default_final_time(stops[-1], start) if given is None else evaluate_constant(given, parameters)
+        )
+    fixed = {index: value for index, value in enumerate(known) if value is not None}
+    ends = np.interp(np.arange(len(known)), [*fixed], [*fixed.values()])
+    for index, stop in enumerate(stops, 1):
+        if index not in fixed:
+            ends[index] = float(np.clip(ends[index], *stop))
+    return list(zip(ends[:-1].tolist(), ends[1:].tolist(), strict=True))
+
+
+def _known_end(fields: Mapping[str, Any], stop: Interval) -> float | None:
+    given = fields_of(fields["guess"]).get("final_time")
+    if given is not None:
+        return evaluate_constant(given, written_out(fields["model"]).parameter_values())
+    return stop[0] if stop[0] == stop[1] else None
+
+
+def chained_guesses(
+    problems: Sequence[OptimalControlProblem], said: Sequence[Collection[str]], begin: Begin
+) -> list[Guess]:
+    """The guesses of the phases, each beginning where the one before ends.
+
+    ``said``: the states of which the document says how they go in a phase. Others go by straight lines to the
+    next end of a phase where a state of that name is known.
+    """
+    guesses: list[Guess] = []
+    for index, problem in enumerate(problems):
+        guess = problem.guess
+        pieces = list(guess.states)
+        started = begin(index, _end(guesses[-1])) if index else {}
+        for i, name in enumerate(problem.states):
+            if name in said[index]:
+                continue
+            first = float(pieces[i][1][0])
+            if not _is_known(problem.initial_state[i]) and name in started:
+                first = started[name]
+            if not index and not _is_known(problem.initial_state[i]):
+                ahead = next(_known_ahead(problems, index, name), None)
+                first = first if ahead is None else ahead[1]
+            last = _target(problems, index, name, first)
+            pieces[i] = WHOLE, np.clip([first, last], *problem.state_bounds[i])
+        guesses.append(replace(guess, states=tuple(pieces)))
+    return guesses
+
+
+def _target(problems: Sequence[OptimalControlProblem], index: int, name: str, first: float) -> float:
+    """The value of a state at the end of a phase, on the line to where it is known next."""
+    ahead = next(_known_ahead(problems, index, name), None)
+    if ahead is None:
+        return first
+    start, stop = problems[index].guess.t0, problems[index].guess.tf
+    time, value = ahead
+    share = (stop - start) / (time - start) if time > start else 1.0
+    return first + share * (value - first)
+
+
+def _known_ahead(
+    problems: Sequence[OptimalControlProblem], index: int, name: str
+) -> Iterator[tuple[float, float]]:
+    """Times and values at which a state is known from the end of a phase on, next ones first."""
+    for later, problem in enumerate(problems[index:], index):
+        if name not in problem.states:
+            return
+        at = problem.states.index(name)
+        if later > index and _is_known(problem.initial_state[at]):
+            yield problem.guess.t0, inside(problem.initial_state[at])
+        if _is_known(problem.final_state[at]):
+            yield problem.guess.tf, inside(problem.final_state[at])
+
+
+def _is_known(interval: Interval) -> bool:
+    return bool(np.isfinite(interval).any())
+
+
+def _end(guess: Guess) -> tuple[Any, Any, float]:
+    at = np.ones(1)
+    return guess.states_at(at)[:, 0], guess.controls_at(at)[:, 0], guess.tf

@@ -1,0 +1,281 @@
+"""A problem of several phases: the problem of each, how they are linked, and what counts over all of them.
+
+    min  sum_k J_k + phi(x_1(t0), x_K(tf), I, t0, tf),      t0_(k+1) = tf_k,
+         x_(k+1)(t0_(k+1)) = x_k(tf_k),  or what a jump makes of the end of phase k
+
+(Betts, Practical Methods for Optimal Control, SIAM 2010, 3.7). Each J_k with its constraints is an
+:class:`~solvers.problem.OptimalControlProblem` like any other.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Hashable, Mapping
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+
+from solvers.backends import NUMPY, Backend
+from solvers.expressions import Expression, named, parse, total
+from solvers.lifting import corners, lifted, with_peak
+from solvers.phases.guess import chained_guesses, phase_times
+from solvers.phases.trajectory import PhasedTrajectory
+from solvers.problem import OptimalControlProblem, Parameters, Values
+from solvers.quantities import FREE, Constraint, Integral, Interval
+from solvers.reading import constraints, integrals
+from solvers.scenarios import Plant
+from solvers.spec import (
+    Guess,
+    Objective,
+    PhaseView,
+    ProblemSpec,
+    bound_interval,
+    fields_of,
+    phase_fields,
+    phase_views,
+    written_out,
+)
+
+End = tuple[Values, Values, Any]
+"""States, controls and time."""
+
+
+@dataclass(frozen=True)
+class Phase:
+    """A phase: the problem that is solved, the one that the document says, and where that stands.
+
+    ``spec``: the document's problem of this phase alone.
+    """
+
+    view: PhaseView
+    spec: ProblemSpec
+    problem: OptimalControlProblem
+    plant: Plant
+
+    @property
+    def name(self) -> str:
+        """Its name."""
+        return self.plant.name
+
+    def located(self, pointer: str) -> str:
+        """The pointer into the document of what stands at a pointer into the problem of this phase alone."""
+        path = [int(part) if part.isdigit() else part for part in pointer.split("/")[1:]]
+        return "".join(f"/{part}" for part in self.view.located(tuple(path)))
+
+
+@dataclass(frozen=True)
+class Link:
+    """How a phase begins: state -> expression in what is known at the end of the phase before."""
+
+    starts: Mapping[str, Expression]
+
+
+@dataclass(frozen=True)
+class PhasedProblem:
+    """Phases in their order, the links between them, and what the document says of the whole flight.
+
+    ``parameters``: those of the common model; ``design``: names of design parameters that phases share;
+    ``totals``: integrals over the whole flight.
+    """
+
+    phases: tuple[Phase, ...]
+    links: tuple[Link, ...]
+    parameters: Mapping[str, float]
+    design: tuple[str, ...]
+    totals: tuple[Integral, ...]
+    boundary: tuple[Constraint, ...]
+    terminal_cost: Expression | None
+
+    @property
+    def structure(self) -> Hashable:
+        """Names and expressions: all that the joints of the program are made of but numbers."""
+        return (
+            tuple(tuple((name, item.text) for name, item in link.starts.items()) for link in self.links),
+            tuple(self.parameters),
+            self.design,
+            tuple(item.name for item in self.totals),
+            tuple(item.expression.text for item in self.boundary),
+            self.terminal_cost and self.terminal_cost.text,
+        )
+
+    @property
+    def states(self) -> list[str]:
+        """The states of all phases, each once."""
+        return list(dict.fromkeys(name for phase in self.phases for name in phase.plant.problem.states))
+
+    @property
+    def warnings(self) -> list[dict[str, str]]:
+        """Where the objective of a phase has corners that no slack takes away."""
+        return [
+            {
+                "code": "nonsmooth",
+                "pointer": phase.located(pointer),
+                "detail": f"'{text}' keeps its corners; the optimizer expects smooth functions.",
+            }
+            for phase in self.phases
+            for pointer, text in corners(phase.problem)
+        ]
+
+    def plants(self, answer: PhasedTrajectory) -> PhasedTrajectory:
+        """An answer under the names of the document, without what was added to solve it."""
+        pairs = zip(self.phases, answer.parts, strict=True)
+        return replace(answer, parts=tuple(phase.plant.trajectory(part) for phase, part in pairs))
+
+    def ends_scope(
+        self,
+        initial: End,
+        final: End,
+        parameters: tuple[Parameters, Parameters],
+        backend: Backend,
+        totals: Values,
+    ) -> dict[str, Any]:
+        """Name what expressions over the whole flight know: begin of the first phase, end of the last one.
+
+        ``parameters``: those of the flight, and those of its last phase.
+        """
+        first, last = self.phases[0].problem, self.phases[-1].problem
+        expressions = [item.expression for item in self.boundary]
+        expressions += [] if self.terminal_cost is None else [self.terminal_cost]
+        wanted = frozenset().union(*(expression.names for expression in expressions))
+        return {
+            **dict(
+                zip(
+                    (f"{name}_0" for name in (*first.states, *first.controls)),
+                    (*initial[0], *initial[1]),
+                    strict=True,
+                )
+            ),
+            **end_scope(last, final, parameters[1], backend, wanted),
+            **dict(zip((item.name for item in self.totals), totals, strict=True)),
+            **parameters[0],
+            "t0": initial[2],
+        }
+
+
+def end_scope(
+    problem: OptimalControlProblem,
+    end: End,
+    parameters: Parameters,
+    backend: Backend,
+    wanted: Collection[str],
+) -> dict[str, Any]:
+    """Name what is known at the end of a phase: parameters, states, controls, outputs, tf."""
+    x, u, t = end
+    scope = {**parameters, "tf": t}
+    scope |= {f"{name}_f": value for name, value in zip(problem.states, x, strict=True)}
+    scope |= {f"{name}_f": value for name, value in zip(problem.controls, u, strict=True)}
+    along = problem.scope(x, u, t, parameters, backend)
+    for item in problem.outputs:
+        if f"{item.name}_f" in wanted:
+            scope[f"{item.name}_f"] = item.expression.evaluate(along, backend.functions)
+    return scope
+
+
+def start_after(
+    link: Link, phases: tuple[Phase, Phase], end: End, parameters: Parameters, backend: Backend = NUMPY
+) -> dict[str, Any]:
+    """The values with which a phase begins after ``end`` of the phase before, by state."""
+    wanted = frozenset().union(*(item.names for item in link.starts.values()))
+    scope = end_scope(phases[0].problem, end, parameters, backend, wanted)
+    return {name: item.evaluate(scope, backend.functions) for name, item in link.starts.items()}
+
+
+def phased_problem(spec: ProblemSpec) -> PhasedProblem:
+    """The phases of a checked document."""
+    outer = fields_of(spec)
+    views = phase_views(outer)
+    fields = list(phase_fields(views, _interval))
+    times = phase_times(spec, fields, _interval)
+    phases = tuple(
+        _phase(spec, view, item, pair) for view, item, pair in zip(views, fields, times, strict=True)
+    )
+    jumps = {link.after: link.jump for link in spec.links}
+    links = tuple(_link(before, after, jumps.get(after.name, {})) for before, after in pairwise(phases))
+    found = PhasedProblem(
+        phases,
+        links,
+        {
+            name: value
+            for name, value in spec.model.parameter_values().items()
+            if name not in {*spec.design, *spec.model.depending_on(spec.design)}
+        },
+        tuple(spec.design),
+        integrals(spec, spec.model.parameter_values()),
+        constraints(spec, "boundary_constraints", spec.model.parameter_values()),
+        None if spec.objective.terminal is None else parse(spec.objective.terminal),
+    )
+    guesses = chained_guesses(
+        [phase.plant.problem for phase in phases],
+        [_said(view) for view in views],
+        lambda index, end: _begin(found, index, end),
+    )
+    return replace(found, phases=tuple(map(_started, phases, guesses)))
+
+
+def _phase(spec: ProblemSpec, view: PhaseView, fields: Mapping[str, Any], times: Interval) -> Phase:
+    """The phase, whose guess goes from the first of these times to the second."""
+    given = fields["guess"] or Guess()
+    objective = fields["objective"]
+    if not isinstance(objective, Objective):
+        objective = Objective.model_construct(**objective)
+    own = {
+        **{key: value for key, value in fields.items() if key != "model"},
+        "submitted_model": view.model,
+        "initial_time": times[0],
+        "objective": objective,
+        "guess": given.changed(final_time=times[1]),
+        "phases": [],
+        "links": [],
+    }
+    alone = spec.changed(**own)
+    problem = OptimalControlProblem.from_spec(alone)
+    common = None if view.has_own_model else spec.objective.running
+    costs = [parse(cost) for cost in (common, objective.running) if cost is not None]
+    own_start = view.index == 0 or view.phase.get("initial_time") is not None
+    parameters = problem.parameters
+    problem = replace(
+        problem,
+        running_cost=total(costs) if costs else None,
+        # A later phase begins when the one before ends.
+        initial_time=bound_interval(fields["initial_time"], parameters) if own_start else FREE,
+    )
+    return Phase(view, alone, problem, Plant(view.phase["name"], problem))
+
+
+def _link(before: Phase, after: Phase, jump: Mapping[str, Any]) -> Link:
+    """Every state of the same name goes on, unless the jump says otherwise."""
+    starts = {}
+    for name in after.plant.problem.states:
+        if jump.get(name) is not None:
+            starts[name] = parse(jump[name])
+        elif name not in jump and name in before.plant.problem.states:
+            starts[name] = named(f"{name}_f")
+    return Link(starts)
+
+
+def _started(phase: Phase, guess: Any) -> Phase:
+    problem = replace(phase.plant.problem, guess=guess)
+    return replace(phase, plant=replace(phase.plant, problem=problem), problem=lifted(with_peak(problem)))
+
+
+def _begin(problem: PhasedProblem, index: int, end: End) -> Mapping[str, float]:
+    """The finite ones of the states with which a phase begins after this end of the one before."""
+    before, after = problem.phases[index - 1 : index + 1]
+    parameters = {**before.problem.parameters, **before.problem.guess.design}
+    with np.errstate(all="ignore"):
+        values = start_after(problem.links[index - 1], (before, after), end, parameters)
+    return {name: float(value) for name, value in values.items() if np.isfinite(value)}
+
+
+def _said(view: PhaseView) -> frozenset[str]:
+    """The states and controls of which the document says how they go in a phase."""
+    guess = fields_of(view.phase.get("guess"))
+    earlier = guess.get("from_result") or {}
+    return frozenset().union(
+        *(table.get(key) or {} for table in (guess, earlier) for key in ("states", "controls"))
+    )
+
+
+def _interval(bound: Any, model: Any) -> Interval:
+    return bound_interval(bound, written_out(model).parameter_values())

@@ -1,0 +1,190 @@
+"""Solve a document with phases: first answer, verification through the jumps, judgement."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from solvers.certificate import hamiltonian_drift
+from solvers.errors import Fault
+from solvers.evaluation_fault import find_evaluation_fault
+from solvers.judgement import flown_in_time, judged
+from solvers.meshes import meshes_of
+from solvers.model_report import model_report
+from solvers.optimizers.ipopt import Limits
+from solvers.phases.problem import PhasedProblem, phased_problem
+from solvers.phases.session import PhasedSession, PhasedSolved
+from solvers.phases.solution import PhasedSolution
+from solvers.phases.switching import joined_switching
+from solvers.phases.trajectory import PhasedTrajectory
+from solvers.phases.verify import totals, verify_phases
+from solvers.progress import Progress
+from solvers.refine.residual import mesh_error_estimate
+from solvers.report import constraint_margins
+from solvers.scaling import automatic_scaling
+from solvers.sensitivity import Place, numbers_of, slopes
+from solvers.session import start_report
+from solvers.solution import Statistics
+from solvers.spec import JobSpec, ProblemSpec, Value
+from solvers.switching import find_switching
+from solvers.verify import Verification
+
+Vector = NDArray[np.float64]
+
+
+def solve_phases(
+    spec: JobSpec, progress: Progress, seconds: float, earlier: PhasedTrajectory | None = None
+) -> PhasedSolution:
+    """Solve a checked document with phases and verify the answer; see :func:`solvers.solve.solve`."""
+    started = time.perf_counter()
+    problem = phased_problem(spec.problem)
+    session = PhasedSession(
+        problem=problem,
+        scaling=[automatic_scaling(phase.problem) for phase in problem.phases],
+        tolerance=spec.options.tolerance,
+        max_iterations=spec.options.max_iterations,
+        limits=Limits(time.monotonic() + seconds, progress.cancelled),
+        progress=progress,
+    )
+    session.seconds["build"] = time.perf_counter() - started
+    answers = session.first_answers(meshes_of(spec.method), spec.options.starts, earlier, 1.0)
+    solved = answers[0]
+    answer = problem.plants(solved.trajectory)
+    costates = [
+        part.transcription.costates(part.trajectory, part.outcome.row_multipliers) for part in solved.parts
+    ]
+    verification = flown_in_time(
+        session,
+        spec,
+        solved.outcome.status,
+        lambda limits, end: verify_phases(problem, answer, limits, end),
+    )
+    verification = _certified(problem, solved, costates, verification)
+    status, message = judged(
+        solved.outcome.status, [("", verification)], lambda: _evaluation_fault(problem, answer)
+    )
+    integrals = [
+        phase.plant.integrals(part.transcription.integrals(part.outcome.unknowns))
+        for phase, part in zip(problem.phases, solved.parts, strict=True)
+    ]
+    reports = [
+        model_report(phase.plant.problem, part)
+        for phase, part in zip(problem.phases, answer.parts, strict=True)
+    ]
+    sensitivity = _sensitivity(spec.problem, problem, solved) if solved.converged else None
+    session.seconds["total"] = time.perf_counter() - started
+    return PhasedSolution(
+        spec=spec,
+        problem=problem,
+        trajectory=answer,
+        costates=[
+            own[phase.plant.rows(part)]
+            for own, phase, part in zip(costates, problem.phases, solved.trajectory.parts, strict=True)
+        ],
+        objective=solved.objective,
+        status=status,
+        message=message,
+        method=spec.method.model_dump(exclude_none=True),
+        verification=verification,
+        model_report=_ends_of(reports),
+        model_reports=reports,
+        integrals=totals(integrals),
+        integrals_by_phase=integrals,
+        switching=joined_switching(
+            [
+                find_switching(phase.plant.problem, part)
+                for phase, part in zip(problem.phases, answer.parts, strict=True)
+            ],
+            [phase.plant.problem.controls for phase in problem.phases],
+            answer.edges[1:].tolist(),
+        ),
+        constraints=_margins(problem, answer),
+        sensitivity=sensitivity,
+        convergence=session.convergence,
+        starts=[start_report(item, item.trajectory.tf, kept=item is solved) for item in answers],
+        warnings=problem.warnings,
+        statistics=Statistics(
+            solved.transcription.builder.size,
+            solved.transcription.builder.row_count,
+            session.iterations,
+            solved.outcome.solver_status,
+            session.seconds,
+        ),
+    )
+
+
+def _certified(
+    problem: PhasedProblem, solved: PhasedSolved, costates: Sequence[Vector], verification: Verification
+) -> Verification:
+    """The verification with the Hamiltonian of every phase and the errors of its mesh, worst first."""
+    drifts, errors = [], []
+    for part, own in zip(solved.parts, costates, strict=True):
+        drifts.append(hamiltonian_drift(part.weighted_problem, part.trajectory, own))
+        errors.append(mesh_error_estimate(part.transcription.problem, part.trajectory))
+    parts = tuple(
+        replace(part, hamiltonian_drift=drift, mesh_error_estimate=error)
+        for part, drift, error in zip(verification.parts, drifts, errors, strict=True)
+    )
+    known = [drift for drift in drifts if drift is not None]
+    estimates = [error for error in errors if error is not None]
+    return replace(
+        verification,
+        parts=parts,
+        hamiltonian_drift=max(known, default=None),
+        mesh_error_estimate=max(estimates) if len(estimates) == len(errors) else None,
+    )
+
+
+def _evaluation_fault(problem: PhasedProblem, answer: PhasedTrajectory) -> Fault | None:
+    for phase, part in zip(problem.phases, answer.parts, strict=True):
+        fault = find_evaluation_fault(phase.spec, phase.plant.problem, part)
+        if fault is not None:
+            return replace(fault, pointer=phase.located(fault.pointer))
+    return None
+
+
+def _ends_of(reports: Sequence[Mapping[str, Any] | None]) -> dict[str, Any] | None:
+    """The ``model_report`` at the begin of the first and at the end of the last phase."""
+    first, last = reports[0], reports[-1]
+    return None if first is None or last is None else {"initial": first["initial"], "final": last["final"]}
+
+
+def _margins(problem: PhasedProblem, answer: PhasedTrajectory) -> list[dict[str, Any]]:
+    """The ``constraints`` of all phases; what holds in several of them stands there once."""
+    found: dict[str, dict[str, Any]] = {}
+    for phase, part in zip(problem.phases, answer.parts, strict=True):
+        for item in constraint_margins(phase.plant.problem, part):
+            pointer = phase.located(item["pointer"])
+            known = found.setdefault(pointer, {**item, "pointer": pointer})
+            if known["at"] == item["at"] and known["active"] is item["active"]:
+                continue
+            nearer = item if item["margin"] < known["margin"] else known
+            known |= {
+                "min": min(known["min"], item["min"]),
+                "max": max(known["max"], item["max"]),
+                "margin": nearer["margin"],
+                "at": nearer["at"],
+                "active": [*known["active"], *item["active"]],
+            }
+    return list(found.values())
+
+
+def _sensitivity(spec: ProblemSpec, problem: PhasedProblem, solved: PhasedSolved) -> dict[str, float | None]:
+    return slopes(spec, solved.transcription, solved.outcome, _varied(spec, problem), phased_problem)
+
+
+def _varied(spec: ProblemSpec, problem: PhasedProblem) -> Iterator[tuple[Place, Value, Mapping[str, float]]]:
+    """Every number beside the phases and in each of them, with the parameters in which it is written."""
+    for place, value in numbers_of(spec, problem.parameters):
+        yield place, value, problem.parameters
+    for index, (phase, own) in enumerate(zip(problem.phases, spec.phases, strict=True)):
+        parameters, here = phase.plant.problem.parameters, ("phases", index)
+        for name in own.parameters:
+            yield (*here, "parameters", name), parameters[name], parameters
+        for place, value in numbers_of(own, parameters if phase.view.has_own_model else {}):
+            yield (*here, *place), value, parameters

@@ -1,0 +1,171 @@
+"""Independent verification of a flight of phases: every phase flown, then all of them through the jumps.
+
+Knows nothing of the method that it checks. The whole flight begins as promised; each later phase begins with
+what the link makes of the end to which the phases before were flown.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from solvers.backends import NUMPY
+from solvers.phases.problem import PhasedProblem, start_after
+from solvers.phases.trajectory import PhasedTrajectory
+from solvers.trajectory import Trajectory
+from solvers.verify import (
+    Check,
+    StateReport,
+    Tolerances,
+    Verification,
+    dense,
+    largest_violation,
+    scale_of,
+    scaled_violation,
+    verify,
+)
+
+Vector = NDArray[np.float64]
+
+_LINK = "link"
+
+
+def verify_phases(
+    problem: PhasedProblem, answer: PhasedTrajectory, tolerances: Tolerances, deadline: float
+) -> Verification:
+    """Fly every phase and the whole flight; see :func:`solvers.verify.verify`.
+
+    The figures are the worst ones of all phases; besides, ``link`` compares the promised begin of each phase
+    with what the link makes of the promised end before it.
+    """
+    parts: list[Verification] = []
+    for index, (phase, trajectory) in enumerate(zip(problem.phases, answer.parts, strict=True)):
+        begin = None
+        if index and parts[-1].end is not None:
+            begin = _states_after(problem, answer, index, parts[-1].end)
+        parts.append(verify(phase.plant.problem, trajectory, tolerances, deadline, begin))
+    gaps = [_gap(problem, answer, index) for index in range(1, len(parts))]
+    scope = _flight_scope(problem, answer, parts)
+    checks = [*_worst_checks(parts), Check(_LINK, max(gaps, default=0.0), tolerances.terminal_error)]
+    checks = [_with_flight(check, problem, scope) if check.name == "ends" else check for check in checks]
+    return Verification(
+        terminal_error=_worst([part.terminal_error for part in parts]),
+        max_state_error=_worst([part.max_state_error for part in parts]),
+        max_bound_violation=max(part.max_bound_violation for part in parts),
+        max_path_violation=max(part.max_path_violation for part in parts),
+        objective=_objective(problem, parts, scope),
+        integrals=totals([part.integrals for part in parts]),
+        growth=None if any(part.growth is None for part in parts) else _product(parts),
+        states={name: _state(name, parts) for name in problem.states},
+        tolerances=tolerances,
+        checks=tuple(checks),
+        note=" ".join(
+            f"{phase.name}: {part.note}"
+            for phase, part in zip(problem.phases, parts, strict=True)
+            if part.note
+        ),
+        end=parts[-1].end,
+        parts=tuple(parts),
+    )
+
+
+def totals(integrals: Sequence[Mapping[str, float]]) -> dict[str, float]:
+    """Integrals of all phases by name; those of one name add up."""
+    names = dict.fromkeys(name for own in integrals for name in own)
+    return {name: sum(own.get(name, 0.0) for own in integrals) for name in names}
+
+
+def _states_after(problem: PhasedProblem, answer: PhasedTrajectory, index: int, end: Vector) -> Vector:
+    """The states with which phase ``index`` begins after ``end``; as promised where they are free."""
+    before, after = problem.phases[index - 1 : index + 1]
+    trajectory = answer.parts[index - 1]
+    controls = trajectory.controls_at(np.ones(1))[:, 0]
+    parameters = before.plant.problem.parameters_of(trajectory)
+    with np.errstate(all="ignore"):
+        values = start_after(
+            problem.links[index - 1], (before, after), (end, controls, trajectory.tf), parameters
+        )
+    promised = answer.parts[index].states_at(np.zeros(1))[:, 0]
+    names = after.plant.problem.states
+    return np.array([values.get(name, value) for name, value in zip(names, promised, strict=True)], float)
+
+
+def _gap(problem: PhasedProblem, answer: PhasedTrajectory, index: int) -> float:
+    """How far phase ``index`` begins, in time or state, from where it should, relative to scales."""
+    before, after = answer.parts[index - 1 : index + 1]
+    end = before.states_at(np.ones(1))[:, 0]
+    wanted = _states_after(problem, answer, index, end)
+    begin = after.states_at(np.zeros(1))
+    late = abs(after.t0 - before.tf) / max(abs(answer.tf - answer.t0), 1e-6)
+    scale = scale_of(after.states_at(dense(after.breakpoints)))
+    return max(late, scaled_violation(begin, np.column_stack([wanted, wanted]), scale))
+
+
+def _flight_scope(
+    problem: PhasedProblem, answer: PhasedTrajectory, parts: Sequence[Verification]
+) -> dict[str, Any]:
+    first, last = answer.parts[0], answer.parts[-1]
+    sums = totals([part.integrals for part in parts])
+    end = parts[-1].end
+    return problem.ends_scope(
+        _end(first, 0.0, None),
+        _end(last, 1.0, end),
+        ({**problem.parameters, **answer.design}, problem.phases[-1].plant.problem.parameters_of(last)),
+        NUMPY,
+        np.array([sums.get(item.name, np.nan) for item in problem.totals]),
+    )
+
+
+def _end(trajectory: Trajectory, tau: float, flown: Vector | None) -> tuple[Vector, Vector, float]:
+    at = np.array([tau])
+    states = trajectory.states_at(at)[:, 0] if flown is None else flown
+    return states, trajectory.controls_at(at)[:, 0], float(trajectory.time(at)[0])
+
+
+def _worst_checks(parts: Sequence[Verification]) -> Iterator[Check]:
+    """The worst of the checks of each name; that of the end of the flight if every phase has it."""
+    for check in parts[0].checks:
+        same = [own for part in parts for own in part.checks if own.name == check.name]
+        if len(same) == len(parts):
+            yield replace(check, value=_worst([own.value for own in same]))
+
+
+def _with_flight(check: Check, problem: PhasedProblem, scope: Mapping[str, Any]) -> Check:
+    """The check of the ends with what the document says of the whole flight."""
+    if check.value is None:
+        return check
+    values = np.array([[scope[item.name]] for item in problem.totals], np.float64).reshape(-1, 1)
+    bounds = np.array([item.interval for item in problem.totals])
+    own = [largest_violation(problem.boundary, scope), scaled_violation(values, bounds, scale_of(values))]
+    return replace(check, value=max(check.value, *own))
+
+
+def _objective(
+    problem: PhasedProblem, parts: Sequence[Verification], scope: Mapping[str, Any]
+) -> float | None:
+    costs = [part.objective for part in parts if part.objective is not None]
+    if len(costs) < len(parts):
+        return None
+    with np.errstate(all="ignore"):
+        terminal = problem.terminal_cost
+        return sum(costs) + (0.0 if terminal is None else float(terminal.evaluate(scope, NUMPY.functions)))
+
+
+def _state(name: str, parts: Sequence[Verification]) -> StateReport:
+    """The largest error of a state in any phase, and its miss at the end of the last phase that has it."""
+    own = [part.states[name] for part in parts if name in part.states]
+    worst = max(own, key=lambda report: np.inf if report.max_error is None else report.max_error)
+    return replace(worst, terminal_error=own[-1].terminal_error)
+
+
+def _worst(values: Sequence[float | None]) -> float | None:
+    known = [value for value in values if value is not None]
+    return max(known) if len(known) == len(values) else None
+
+
+def _product(parts: Sequence[Verification]) -> float:
+    return float(np.prod([part.growth for part in parts if part.growth is not None]))
