@@ -121,7 +121,8 @@ class Result(dict[str, Any]):
 
         Gives the same numbers as `Client.trajectory`; of several plants under one command those of the first.
         Where a control jumps, a time gives the right value, and one that stands twice in a row both values.
-        Raises ValueError for times outside the trajectory, `NotFiniteError` for an iterate that diverged.
+        Raises ValueError for times outside the trajectory, `NotFiniteError` for an iterate that diverged,
+        `ClientError` for a flight of phases, which `Client.trajectory` evaluates.
         """
         from solvers.sampling import sample
 
@@ -141,6 +142,10 @@ class Result(dict[str, Any]):
         from solvers.sampling import problem_of
         from solvers.trajectory import Trajectory
 
+        if "phases" in self["coefficients"]:
+            raise ClientError(
+                "a flight of phases is not evaluated here yet: ask the service (Client.trajectory)"
+            )
         return problem_of(self), Trajectory.from_result(self)
 
     def to_xarray(self) -> xarray.Dataset:
