@@ -12,7 +12,7 @@ from pydantic_core import CoreSchema, core_schema
 from solvers.expressions import quoted
 from solvers.spec.base import SpecModel
 from solvers.spec.checks import check_expression
-from solvers.spec.faults import Flaws, kind_of, refuse
+from solvers.spec.faults import Flaws, refuse
 from solvers.spec.fields import VALUE_SCHEMA, Bound, Check, Text
 from solvers.spec.models import SubmittedModel
 from solvers.spec.parts import (
@@ -37,22 +37,19 @@ _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*", re.ASCII)
 _LONGEST = 64
 
 
-class PhaseName(Check):
+class PhaseName(Text):
     """The name of a phase: a letter, then letters, digits and ``_``."""
 
     def check(self, value: Any, scope: Scope) -> str:
         """Return the name."""
-        if not isinstance(value, str):
-            raise refuse(f"must be text, not {kind_of(value)}")
-        if len(value) > _LONGEST:
-            raise refuse(f"limit: at most {_LONGEST} characters, not {len(value):,}", type="limit")
-        if not _NAME.fullmatch(value):
-            raise refuse(f"{quoted(value)} is not a name: a letter, then letters, digits and _")
-        return value
+        name = super().check(value, scope)
+        if not _NAME.fullmatch(name):
+            raise refuse(f"{quoted(name)} is not a name: a letter, then letters, digits and _")
+        return name
 
     def schema(self) -> dict[str, Any]:
         """A short text."""
-        return {"type": "string", "maxLength": _LONGEST, "pattern": f"^{_NAME.pattern}$"}
+        return {**super().schema(), "pattern": f"^{_NAME.pattern}$"}
 
 
 class JumpTable(Check):
@@ -71,7 +68,7 @@ class JumpTable(Check):
 class PhaseSpec(SpecModel):
     """A part of the flight, as a problem; what it does not say stands beside ``phases``."""
 
-    name: Annotated[str, PhaseName()]
+    name: Annotated[str, PhaseName(_LONGEST)]
     """Its name in links and in the result."""
     submitted_model: Annotated[SubmittedModel, Field(discriminator="kind")] | None = Field(
         None, alias="model"

@@ -11,8 +11,8 @@ from solvers.errors import ExpressionError
 from solvers.expressions import parse, quoted
 from solvers.spec.base import SpecModel
 from solvers.spec.checks import check_expression
-from solvers.spec.faults import Flaws, kind_of, refuse
-from solvers.spec.fields import VALUE_SCHEMA, Check, at_most
+from solvers.spec.faults import Flaws, refuse
+from solvers.spec.fields import VALUE_SCHEMA, Check, Text, at_most
 from solvers.spec.scope import Scope, mapping
 from solvers.spec.tables import BoundTable, object_of, unknown_key
 from solvers.spec.values import BoundValue, Value, evaluate_constant
@@ -22,24 +22,21 @@ _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.+-]*", re.ASCII)
 _LONGEST = 64
 
 
-class CaseName(Check):
+class CaseName(Text):
     """The name of a case: letters, digits, and ``_ . + -``."""
 
     def check(self, value: Any, scope: Scope) -> str:
         """Return the name."""
-        if not isinstance(value, str):
-            raise refuse(f"must be text, not {kind_of(value)}")
-        if len(value) > _LONGEST:
-            raise refuse(f"limit: at most {_LONGEST} characters, not {len(value):,}", type="limit")
-        if not _NAME.fullmatch(value):
+        name = super().check(value, scope)
+        if not _NAME.fullmatch(name):
             raise refuse("a case is named by letters, digits, and _ . + - behind the first")
-        if value == "nominal":
+        if name == "nominal":
             raise refuse("'nominal' is the document without a case; 'nominal': true adds it")
-        return value
+        return name
 
     def schema(self) -> dict[str, Any]:
         """A short text."""
-        return {"type": "string", "maxLength": _LONGEST, "pattern": f"^{_NAME.pattern}$"}
+        return {**super().schema(), "pattern": f"^{_NAME.pattern}$"}
 
 
 class CaseParameters(Check):
@@ -107,7 +104,7 @@ class CaseBounds(BoundTable):
 class ScenarioSpec(SpecModel):
     """A plant: what differs from the document."""
 
-    name: Annotated[str, CaseName()]
+    name: Annotated[str, CaseName(_LONGEST)]
     """Its name in the result."""
     parameters: Annotated[dict[str, Value], CaseParameters()] = Field(default_factory=dict)
     """Parameter -> its value in this case."""
