@@ -60,6 +60,7 @@ class Problem:
     objective: Mapping[str, Any]
     initial_time: Any = None
     final_state: Mapping[str, Any] | Sequence[Any] | None = None
+    final_attitude: Sequence[Any] | None = None
     bounds: Mapping[str, Any] | None = None
     control_rates: Mapping[str, Any] | None = None
     initial_control: Mapping[str, Any] | None = None

@@ -101,7 +101,7 @@ def test_the_list_shows_how_jobs_stand(visitor: Visitor, solved: str, submit: Ca
         row = page.locator(f"[data-job='{solved}']")
         expect(row).to_contain_text("succeeded")
         expect(row).to_contain_text(re.compile(r"\d+ iterations"))
-        slow = submit(wait=0, name="<b>bold</b>", tags=["browser"], method={"name": "swcm", "J": 12})
+        slow = submit(wait=0, name="<b>bold</b>", tags=["browser"], method={"name": "swcm", "J": 11})
         row = page.locator(f"[data-job='{slow}']")
         expect(row.get_by_role("link", name="<b>bold</b>")).to_be_visible()
         expect(row).to_contain_text("running")
