@@ -16,7 +16,6 @@ and exact derivatives cost one small symbolic differentiation, whatever the numb
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import casadi as ca
@@ -319,9 +318,3 @@ def _dm(matrix: sparse.csr_array | sparse.csc_array) -> ca.DM:
     columns.sum_duplicates()
     sparsity = ca.Sparsity(*columns.shape, columns.indptr.tolist(), columns.indices.tolist())
     return ca.DM(sparsity, columns.data.tolist())  # lists pass twice as fast as arrays
-
-
-def stack_numbers(columns: Sequence[Vector]) -> Vector:
-    """P from rows of numbers, each either one number for all places or one a place."""
-    places = max(np.size(column) for column in columns)
-    return np.vstack([np.broadcast_to(np.asarray(column, np.float64), (places,)) for column in columns])

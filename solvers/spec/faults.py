@@ -55,6 +55,11 @@ class Flaws:
         if len(self.found) < MAX_FAULTS:
             self.found.append((path, detail, type))
 
+    def take(self, others: Flaws, *place: str | int) -> None:
+        """Take note of all mistakes that were found below ``place``."""
+        for path, detail, kind in others.found:
+            self.add(detail, *place, *path, type=kind)
+
     def faults(self) -> list[Fault]:
         """Return the mistakes, their paths counted from the root of the document."""
         return [Fault(pointer(path), detail, type) for path, detail, type in self.found]

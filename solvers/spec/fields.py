@@ -49,21 +49,18 @@ class Check:
         return deepcopy(self.schema())  # pydantic writes into it
 
 
-@dataclass(frozen=True)
-class Unsupported(Check):
-    """A key whose place is kept for a later version; empty is accepted, for it asks for nothing."""
+class ShapedCheck(Check):
+    """A check of a field whose JSON Schema is that of its type."""
 
-    what: str
+    def __get_pydantic_core_schema__(self, source: object, handler: GetCoreSchemaHandler) -> CoreSchema:
+        def validate(value: Any, info: core_schema.ValidationInfo[Any]) -> Any:
+            return self.check(value, info.context)
 
-    def check(self, value: Any, scope: Scope) -> None:
-        """Refuse whatever is not empty."""
-        if value is None or value is False or value in ({}, []):
-            return
-        raise refuse(f"unsupported: {self.what} not in this version", type="unsupported")
+        shape = handler(source)
+        return core_schema.with_info_plain_validator_function(validate, json_schema_input_schema=shape)
 
-    def schema(self) -> dict[str, Any]:
-        """Anything, so that the shape need not change later."""
-        return {"description": f"Reserved: {self.what} not in this version."}
+    def __get_pydantic_json_schema__(self, core: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
+        return handler(core)
 
 
 class Flag(Check):

@@ -24,7 +24,7 @@ from solvers.spec.methods import PiecewiseMethod
 from solvers.spec.models import LibraryReference
 from solvers.spec.scope import Scope, read_scope
 from solvers.spec.tables import object_of, unknown_key
-from solvers.spec.translate import translate
+from solvers.spec.translate import nested, translate
 
 MAX_RUNS = 10_000
 MAX_VALUES = 10_000
@@ -122,21 +122,15 @@ class ActuatorTable(Check):
     def check(self, value: Any, scope: Scope) -> dict[str, ActuatorSpec]:
         """Return the actuators by control."""
         table, flaws, found = object_of(value), Flaws(), dict[str, ActuatorSpec]()
-        keys = tuple(ActuatorSpec.model_fields)
         for name, entry in table.items():
             if name not in scope.controls:
                 flaws.add(unknown_key(name, "control", scope.controls, scope), name)
                 continue
-            for key in object_of(entry) if isinstance(entry, dict) else ():
-                if key not in keys:
-                    flaws.add(unknown_key(key, "key", keys, scope), name, key)
-            try:
-                found[name] = ActuatorSpec.model_validate(entry, context=scope)
-            except ValidationError as error:
-                for fault in translate(error, scope, ActuatorSpec):
-                    path = [part for part in fault.pointer.split("/") if part]
-                    if not path or path[0] in keys:
-                        flaws.add(fault.detail, name, *path, type=fault.type)
+            own = Flaws()
+            actuator = nested(ActuatorSpec, entry, scope, own)
+            flaws.take(own, name)
+            if actuator is not None:
+                found[name] = actuator
         flaws.raise_any()
         return found
 

@@ -6,14 +6,13 @@ import re
 from collections.abc import Sequence
 from typing import Annotated, Any
 
-from pydantic import Field, GetCoreSchemaHandler, GetJsonSchemaHandler
-from pydantic_core import CoreSchema, core_schema
+from pydantic import Field
 
 from solvers.expressions import quoted
 from solvers.spec.base import SpecModel
 from solvers.spec.checks import check_expression
 from solvers.spec.faults import Flaws, refuse
-from solvers.spec.fields import VALUE_SCHEMA, Bound, Check, Text
+from solvers.spec.fields import VALUE_SCHEMA, Bound, Check, ShapedCheck, Text
 from solvers.spec.models import SubmittedModel
 from solvers.spec.parts import (
     BoundaryConstraints,
@@ -120,28 +119,10 @@ class LinkSpec(SpecModel):
     of the phase that ends, or null where it is free."""
 
 
-class _ShapedList:
-    """A list of objects with the shape that its type says, each read by `read`."""
-
-    def read(self, value: Any, scope: Scope) -> list[Any]:
-        """Return the objects; raises PydanticCustomError with every flaw of them."""
-        raise NotImplementedError
-
-    def __get_pydantic_core_schema__(self, source: object, handler: GetCoreSchemaHandler) -> CoreSchema:
-        def validate(value: Any, info: core_schema.ValidationInfo[Any]) -> Any:
-            return self.read(value, info.context)
-
-        shape = handler(source)
-        return core_schema.with_info_plain_validator_function(validate, json_schema_input_schema=shape)
-
-    def __get_pydantic_json_schema__(self, core: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
-        return handler(core)
-
-
-class PhaseList(_ShapedList):
+class PhaseList(ShapedCheck):
     """Phases, each read in the names of its own model."""
 
-    def read(self, value: Any, scope: Scope) -> list[Any]:
+    def check(self, value: Any, scope: Scope) -> list[Any]:
         """Return the phases."""
         from solvers.spec.translate import nested  # which knows every object of a document, this one too
 
@@ -154,16 +135,15 @@ class PhaseList(_ShapedList):
             own = phase_scope(scope, view)
             found = Flaws()
             phases.append(nested(PhaseSpec, entry, own, found))
-            for path, detail, kind in found.found:
-                flaws.add(detail, view.index, *path, type=kind)
+            flaws.take(found, view.index)
         flaws.raise_any()
         return phases
 
 
-class LinkList(_ShapedList):
+class LinkList(ShapedCheck):
     """Links, each read in the names of the phases that it joins."""
 
-    def read(self, value: Any, scope: Scope) -> list[Any]:
+    def check(self, value: Any, scope: Scope) -> list[Any]:
         """Return the links."""
         from solvers.spec.translate import nested
 
@@ -179,8 +159,7 @@ class LinkList(_ShapedList):
                 links.append(link)
                 if views:
                     _check_link(link, views, scope, found)
-            for path, detail, kind in found.found:
-                flaws.add(detail, index, *path, type=kind)
+            flaws.take(found, index)
         flaws.raise_any()
         return links
 

@@ -5,8 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import Annotated, Any, Literal
 
-from pydantic import Field, GetCoreSchemaHandler, GetJsonSchemaHandler
-from pydantic_core import CoreSchema, core_schema
+from pydantic import Field
 
 from solvers.models import LIBRARY
 from solvers.spec.base import SpecModel
@@ -21,6 +20,7 @@ from solvers.spec.fields import (
     Count,
     Flag,
     Real,
+    ShapedCheck,
     Text,
 )
 from solvers.spec.models import LibraryReference, SubmittedModel
@@ -148,7 +148,7 @@ class Plant(SpecModel):
         return isinstance(model, LibraryReference) and simple in LIBRARY[model.name].views
 
 
-class PlantCheck(Check):
+class PlantCheck(ShapedCheck):
     """A plant, checked in the names of its own model; the keys of its model may stand beside the others."""
 
     def check(self, value: Any, scope: Scope) -> Plant | None:
@@ -185,16 +185,6 @@ class PlantCheck(Check):
         flaws.raise_any()
         assert plant is not None
         return plant
-
-    def __get_pydantic_core_schema__(self, source: object, handler: GetCoreSchemaHandler) -> CoreSchema:
-        def validate(value: Any, info: core_schema.ValidationInfo[Any]) -> Any:
-            return self.check(value, info.context)
-
-        shape = handler(source)
-        return core_schema.with_info_plain_validator_function(validate, json_schema_input_schema=shape)
-
-    def __get_pydantic_json_schema__(self, core: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
-        return handler(core)  # the shape that the plant itself has
 
 
 def _check_controls(scope: Scope, own: Scope, flaws: Flaws) -> None:
