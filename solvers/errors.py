@@ -8,9 +8,20 @@ from typing import Literal
 
 FaultType = Literal["invalid", "unsupported", "limit"]
 
+_LONGEST_KEY = 300
+
 
 class OndeletteError(Exception):
     """Root of the errors that ondelette raises on purpose."""
+
+
+def pointer(path: Iterable[str | int]) -> str:
+    """Return the JSON pointer (RFC 6901) of a place in a document; what UTF-8 cannot hold is escaped.
+
+    A key of more than 300 characters, which no document needs, is cut.
+    """
+    parts = (str(part)[:_LONGEST_KEY].replace("~", "~0").replace("/", "~1") for part in path)
+    return "".join(f"/{part}" for part in parts).encode("utf-8", "backslashreplace").decode()
 
 
 @dataclass(frozen=True, slots=True)

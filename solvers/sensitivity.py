@@ -18,6 +18,7 @@ from typing import Any, Protocol, Self
 import numpy as np
 from numpy.typing import NDArray
 
+from solvers.errors import pointer
 from solvers.optimizers.ipopt import Outcome
 from solvers.program import NonlinearProgram
 from solvers.scenarios import formulate
@@ -65,7 +66,7 @@ def sensitivity(spec: ProblemSpec, solved: Solved) -> dict[str, float | None]:
     fixed = [place for place, _ in places if place[0] == "model" and place[-1] in built_in]
     varied = [(place, value, parameters) for place, value in places if place not in fixed]
     found = slopes(spec, solved.transcription, solved.outcome, varied, lambda it: formulate(it).problem)
-    return {_pointer(place): found.get(_pointer(place)) for place, _ in places}
+    return {where: found.get(where) for where in (pointer(("problem", *place)) for place, _ in places)}
 
 
 def slopes(
@@ -80,7 +81,6 @@ def slopes(
     Each with its place, itself and the parameters in which it is an expression.
     """
     lagrangian = _Lagrangian(transcription, outcome)
-    here = lagrangian(problem_of(spec))
     found: dict[str, float | None] = {}
     for place, value, parameters in varied:
         number = evaluate_constant(value, parameters)
@@ -92,27 +92,26 @@ def slopes(
         with np.errstate(all="ignore"):
             above = there(step)
             # The Lagrangian is linear in bounds and ends, smooth in parameters.
-            below, width = (there(-step), 2.0 * step) if "parameters" in place else (here, step)
+            below, width = (there(-step), 2.0 * step) if "parameters" in place else (lagrangian.here, step)
         slope = (above - below) / width
-        found[_pointer(place)] = slope if np.isfinite(slope) else None
+        found[pointer(("problem", *place))] = slope if np.isfinite(slope) else None
     return found
 
 
-def _pointer(place: Place) -> str:
-    return "/problem/" + "/".join(map(str, place))
-
-
 class _Lagrangian:
-    """The Lagrangian of a neighbouring problem at the answer of this one."""
+    """The Lagrangian of a neighbouring problem at the answer of this one; ``here``: of this one."""
 
     def __init__(self, transcription: Differentiable, outcome: Outcome) -> None:
         self._transcription, self._outcome = transcription, outcome
         own = transcription.program(outcome.unknowns)
         self._numbers, self._values = own.numbers, own.values(outcome.unknowns)
+        self.here = self._of(own)
 
     def __call__(self, problem: Any) -> float:
+        return self._of(self._transcription.of(problem).program(self._outcome.unknowns))
+
+    def _of(self, program: NonlinearProgram) -> float:
         unknowns = self._outcome.unknowns
-        program = self._transcription.of(problem).program(unknowns)
         objective, rows = self._evaluated(program)
         for multipliers, values, lower, upper in (
             (self._outcome.row_multipliers, rows, program.constraint_lower, program.constraint_upper),

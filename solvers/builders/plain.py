@@ -8,6 +8,7 @@ from typing import Any
 
 from solvers.builders.sympy_text import is_sympy, sympy_text
 from solvers.errors import DocumentError, Fault
+from solvers.errors import pointer as pointer_of
 
 
 def plain(value: Any, pointer: str = "") -> Any:
@@ -26,7 +27,7 @@ def plain(value: Any, pointer: str = "") -> Any:
     if is_sympy(value):
         return plain(value.tolist(), pointer) if hasattr(value, "tolist") else sympy_text(value)
     if isinstance(value, Mapping):
-        return {_key(key): plain(item, f"{pointer}/{_escaped(_key(key))}") for key, item in value.items()}
+        return {_key(key): plain(item, pointer + pointer_of([_key(key)])) for key, item in value.items()}
     if isinstance(value, list | tuple):
         return [plain(item, f"{pointer}/{index}") for index, item in enumerate(value)]
     if hasattr(value, "tocoo"):  # a sparse matrix of SciPy
@@ -40,7 +41,3 @@ def plain(value: Any, pointer: str = "") -> Any:
 
 def _key(key: Any) -> str:
     return sympy_text(key) if is_sympy(key) else str(key)
-
-
-def _escaped(key: str) -> str:
-    return key.replace("~", "~0").replace("/", "~1")

@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 
 from solvers.backends import NUMPY, Backend
+from solvers.errors import pointer
 from solvers.expressions import Expression, named, parse, total
 from solvers.lifting import corners, lifted, with_peak
 from solvers.phases.guess import chained_guesses, phase_times
@@ -36,6 +37,7 @@ from solvers.spec import (
     phase_views,
     written_out,
 )
+from solvers.spec.pointers import parse_pointer
 
 End = tuple[Values, Values, Any]
 """States, controls and time."""
@@ -58,10 +60,10 @@ class Phase:
         """Its name."""
         return self.plant.name
 
-    def located(self, pointer: str) -> str:
+    def located(self, alone: str) -> str:
         """The pointer into the document of what stands at a pointer into the problem of this phase alone."""
-        path = [int(part) if part.isdigit() else part for part in pointer.split("/")[1:]]
-        return "".join(f"/{part}" for part in self.view.located(tuple(path)))
+        path = [int(part) if part.isdigit() else part for part in parse_pointer(alone)]
+        return pointer(self.view.located(tuple(path)))
 
 
 @dataclass(frozen=True)

@@ -2,29 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import dataclass, field
 from typing import Any
 
 from pydantic_core import PydanticCustomError
 
-from solvers.errors import Fault, FaultType
+from solvers.errors import Fault, FaultType, pointer
 
 Path = tuple[str | int, ...]
 Flaw = tuple[Path, str, FaultType]
 """Where, what is wrong and what would be right, and the type of the mistake."""
 
 MAX_FAULTS = 1000
-_LONGEST_KEY = 300
-
-
-def pointer(path: Iterable[str | int]) -> str:
-    """Return the JSON pointer (RFC 6901) of a place in a document; what UTF-8 cannot hold is escaped.
-
-    A key of more than 300 characters, which no document needs, is cut.
-    """
-    parts = (str(part)[:_LONGEST_KEY].replace("~", "~0").replace("/", "~1") for part in path)
-    return "".join(f"/{part}" for part in parts).encode("utf-8", "backslashreplace").decode()
 
 
 def kind_of(value: object) -> str:

@@ -7,8 +7,9 @@ import json
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+from solvers.errors import pointer
 from solvers.spec.base import SpecModel
-from solvers.spec.faults import Path, pointer
+from solvers.spec.faults import Path
 from solvers.spec.models import LibraryReference
 
 if TYPE_CHECKING:

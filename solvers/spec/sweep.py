@@ -16,11 +16,11 @@ from typing import Any
 
 import numpy as np
 
-from solvers.errors import DocumentError, ExpressionError, Fault
+from solvers.errors import DocumentError, ExpressionError, Fault, pointer
 from solvers.expressions import did_you_mean, quoted
 from solvers.spec.check import check_document
 from solvers.spec.checks import is_number
-from solvers.spec.faults import MAX_FAULTS, Flaws, kind_of, pointer
+from solvers.spec.faults import MAX_FAULTS, Flaws, kind_of
 from solvers.spec.job import JobSpec
 from solvers.spec.pointers import parse_pointer, with_value
 from solvers.spec.values import evaluate_constant

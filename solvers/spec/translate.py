@@ -9,11 +9,11 @@ from typing import Any, TypeVar
 from pydantic import ValidationError
 from pydantic_core import ErrorDetails
 
-from solvers.errors import Fault
+from solvers.errors import Fault, pointer
 from solvers.expressions import quoted
 from solvers.spec.base import SpecModel
 from solvers.spec.command import CommandSpec
-from solvers.spec.faults import MAX_FAULTS, Flaw, Flaws, Path, kind_of, pointer
+from solvers.spec.faults import MAX_FAULTS, Flaw, Flaws, Path, kind_of
 from solvers.spec.job import JobSpec, Options, Output, Verification
 from solvers.spec.method_model import SplineAdaptivity
 from solvers.spec.methods import METHODS
