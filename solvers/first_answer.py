@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
 from typing import Any, TypeVar
 
@@ -42,14 +42,12 @@ def _from_earlier(
 
 def _from_starts(session: Session, meshes: Sequence[Mesh], count: int, span: float) -> list[Solved]:
     """An answer from each start, ``span`` of all work; fewer if somebody or the clock asks to stop."""
-    answers: list[Solved] = []
-    for index, start in enumerate(_starts(session, count)):
-        stage = "solve" if count == 1 else f"start {index + 1} of {count}"
-        share = span * index / count, span * (index + 1) / count
-        answers.append(_continue(session, meshes, start, stage, share))
-        if answers[-1].stopped:
-            break
-    return answers
+    return from_starts(
+        _starts(session, count),
+        count,
+        span,
+        lambda start, stage, share: _continue(session, meshes, start, stage, share),
+    )
 
 
 def _starts(session: Session, count: int) -> Iterator[Start]:
@@ -63,6 +61,23 @@ Ended = TypeVar("Ended", bound=Stand[Any, Any])
 
 SolveOn = Callable[[int, Any, str, tuple[float, float], bool], Ended]
 """Solves the mesh of an index from a start: with its label, the part of all work, whether that is near."""
+
+
+def from_starts(
+    starts: Iterable[Any],
+    count: int,
+    span: float,
+    solve_from: Callable[[Any, str, tuple[float, float]], Ended],
+) -> list[Ended]:
+    """What ``solve_from`` makes of each of ``count`` starts, with its label and part of ``span``."""
+    answers: list[Ended] = []
+    for index, start in enumerate(starts):
+        stage = "solve" if count == 1 else f"start {index + 1} of {count}"
+        share = span * index / count, span * (index + 1) / count
+        answers.append(solve_from(start, stage, share))
+        if answers[-1].stopped:
+            break
+    return answers
 
 
 def rank(answer: Stand[Any, Any]) -> tuple[bool, float]:

@@ -11,7 +11,7 @@ name, and the backend to which the values belong.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Hashable, Mapping, Sequence
+from collections.abc import Callable, Collection, Hashable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -33,6 +33,8 @@ Vector = NDArray[np.float64]
 Values = Sequence[Any] | Vector
 """One value a state, coordinate or control; rows of an array where these are arrays."""
 Parameters = Mapping[str, Any]
+End = tuple[Values, Values, Any]
+"""States, controls and time."""
 
 _ROUGH_SAMPLES = 129
 
@@ -264,27 +266,47 @@ class OptimalControlProblem:
 
     def ends_scope(
         self,
-        initial: tuple[Values, Values, Any],
-        final: tuple[Values, Values, Any],
+        initial: End,
+        final: End,
         parameters: Parameters,
         backend: Backend,
         integrals: Values = (),
     ) -> dict[str, Any]:
         """Name the (states, controls, time) of both ends and the integrals as expressions there know them."""
-        scope = {**parameters, "t0": initial[2], "tf": final[2]}
-        scope |= {item.name: value for item, value in zip(self.integrals, integrals, strict=True)}
-        for suffix, (x, u, _) in (("_0", initial), ("_f", final)):
-            scope |= {name + suffix: value for name, value in zip(self.states, x, strict=True)}
-            scope |= {name + suffix: value for name, value in zip(self.controls, u, strict=True)}
-        at_the_end = self.scope(*final, parameters, backend)
+        return {
+            **self.end_scope(final, parameters, backend, self.named_at_the_ends),
+            **self._named("_0", *initial[:2]),
+            **{item.name: value for item, value in zip(self.integrals, integrals, strict=True)},
+            "t0": initial[2],
+        }
+
+    def end_scope(
+        self, end: End, parameters: Parameters, backend: Backend, wanted: Collection[str]
+    ) -> dict[str, Any]:
+        """Name what is known at the end: parameters, states, controls, tf, outputs if they are wanted."""
+        x, u, t = end
+        scope = {**parameters, **self._named("_f", x, u), "tf": t}
+        along = self.scope(x, u, t, parameters, backend)
         for item in self.outputs:
-            if f"{item.name}_f" in self.named_at_the_ends:
-                scope[f"{item.name}_f"] = item.expression.evaluate(at_the_end, backend.functions)
+            if f"{item.name}_f" in wanted:
+                scope[f"{item.name}_f"] = item.expression.evaluate(along, backend.functions)
         return scope
+
+    def _named(self, suffix: str, x: Values, u: Values) -> dict[str, Any]:
+        names = (name + suffix for name in (*self.states, *self.controls))
+        return dict(zip(names, (*x, *u), strict=True))
 
     @property
     def named_at_the_ends(self) -> frozenset[str]:
         """Every name in a boundary constraint or the terminal cost."""
-        expressions = [item.expression for item in self.boundary]
-        expressions += [] if self.terminal_cost is None else [self.terminal_cost]
-        return frozenset().union(*(expression.names for expression in expressions))
+        return names_of(at_the_ends(self.boundary, self.terminal_cost))
+
+
+def at_the_ends(boundary: Sequence[Constraint], terminal_cost: Expression | None) -> list[Expression]:
+    """What is evaluated at the ends: the boundary constraints, then the terminal cost if there is one."""
+    return [*(item.expression for item in boundary), *([] if terminal_cost is None else [terminal_cost])]
+
+
+def names_of(expressions: Iterable[Expression]) -> frozenset[str]:
+    """Every name in these expressions."""
+    return frozenset().union(*(expression.names for expression in expressions))

@@ -16,6 +16,7 @@ from solvers.problem import OptimalControlProblem
 from solvers.program import NonlinearProgram
 from solvers.progress import Progress, ProgressReport
 from solvers.scaling import Scaling
+from solvers.solution import Statistics
 from solvers.status import SolveStatus
 from solvers.trajectory import Trajectory
 from solvers.transcription.base import Transcription
@@ -156,14 +157,14 @@ class Account:
         self.seconds["solve"] += outcome.seconds
         return outcome
 
-    def note(self, nodes: int, objective: float, stage: str, outcome: Outcome, scale: float) -> None:
-        """Take note of a mesh that was solved; ``scale``: that of the objective of its iterates."""
+    def note(self, nodes: int, stage: str, outcome: Outcome, scale: float) -> None:
+        """Take note of a mesh that was solved; ``scale``: that of its objective."""
         before = self.iterations - outcome.iterations
         self.convergence.append(
             {
                 "level": len(self.convergence),
                 "nodes": nodes,
-                "objective": objective,
+                "objective": outcome.objective * scale,
                 "max_state_error": None,
                 "stage": stage,
                 "iterates": [
@@ -209,9 +210,16 @@ class Session(Account):
         """Solve one mesh; see :meth:`Account.optimise`."""
         outcome = self.optimise(transcription, stage, share, warm=warm)
         solved = Solved(transcription, outcome, transcription.trajectory(outcome.unknowns))
-        nodes, scale = int(solved.trajectory.nodes.size), transcription.objective_scale
-        self.note(nodes, solved.objective, stage, outcome, scale)
+        self.note(int(solved.trajectory.nodes.size), stage, outcome, transcription.objective_scale)
         return solved
+
+
+def statistics_of(answer: Stand[Any, Any], account: Account) -> Statistics:
+    """The ``statistics`` of a result: the size of its program, and what all programs took."""
+    builder = answer.transcription.builder
+    return Statistics(
+        builder.size, builder.row_count, account.iterations, answer.outcome.solver_status, account.seconds
+    )
 
 
 def start_report(answer: Stand[Any, Any], final_time: float, *, kept: bool) -> dict[str, Any]:

@@ -28,8 +28,8 @@ from solvers.report import constraint_margins
 from solvers.scaling import automatic_scaling
 from solvers.scenarios import formulate
 from solvers.sensitivity import sensitivity
-from solvers.session import Session, start_report
-from solvers.solution import PlantAnswer, Solution, Statistics
+from solvers.session import Session, start_report, statistics_of
+from solvers.solution import PlantAnswer, Solution
 from solvers.spec import GeneticMethod, JobSpec, PiecewiseMethod
 
 # The part of all work that a first answer is taken to be where more is asked for.
@@ -126,13 +126,7 @@ def solve(
         warnings=[*formulation.warnings, *improved.warnings],
         plants=() if one_plant else plants,
         diagnosis=diagnosis,
-        statistics=Statistics(
-            solved.transcription.builder.size,
-            solved.transcription.builder.row_count,
-            session.iterations,
-            solved.outcome.solver_status,
-            session.seconds,
-        ),
+        statistics=statistics_of(solved, session),
     )
 
 
@@ -140,13 +134,11 @@ def _phased(spec: JobSpec, earlier: AnyTrajectory | None) -> PhasedTrajectory | 
     """An earlier answer, which must have as many phases."""
     if earlier is None:
         return None
-    count, wanted = (
-        len(earlier.parts) if isinstance(earlier, PhasedTrajectory) else 0,
-        len(spec.problem.phases),
-    )
-    if not isinstance(earlier, PhasedTrajectory) or count != wanted:
-        raise _another_kind(f"the earlier job flew {count} phases, and here are {wanted}")
-    return earlier
+    wanted = len(spec.problem.phases)
+    if isinstance(earlier, PhasedTrajectory) and len(earlier.parts) == wanted:
+        return earlier
+    count = len(earlier.parts) if isinstance(earlier, PhasedTrajectory) else 0
+    raise _another_kind(f"the earlier job flew {count} phases, and here are {wanted}")
 
 
 def _another_kind(detail: str) -> DocumentError:

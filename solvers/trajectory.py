@@ -65,8 +65,7 @@ class Trajectory:
 
     def covers(self, times: Vector) -> bool:
         """Whether all times lie within [t0, tf], but for rounding."""
-        margin = _MARGIN * self.duration
-        return bool(np.all((times >= self.t0 - margin) & (times <= self.tf + margin)))
+        return all_within(times, self.t0, self.tf)
 
     def states_at(self, tau: Vector) -> Vector:
         """States, (n, K)."""
@@ -129,3 +128,9 @@ class Trajectory:
         at_break = np.abs(tau - nearest) <= _ROUNDING
         first = np.append(times[1:] == times[:-1], False)
         return np.where(at_break, np.where(first, np.nextafter(nearest, 0.0), nearest), tau)
+
+
+def all_within(times: Vector, t0: float, tf: float) -> bool:
+    """Whether all times lie within [t0, tf], but for rounding."""
+    margin = _MARGIN * (tf - t0)
+    return bool(np.all((times >= t0 - margin) & (times <= tf + margin)))

@@ -9,7 +9,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Hashable, Mapping
+from collections.abc import Hashable, Mapping
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Any
@@ -22,7 +22,7 @@ from solvers.expressions import Expression, named, parse, total
 from solvers.lifting import corners, lifted, with_peak
 from solvers.phases.guess import chained_guesses, phase_times
 from solvers.phases.trajectory import PhasedTrajectory
-from solvers.problem import OptimalControlProblem, Parameters, Values
+from solvers.problem import End, OptimalControlProblem, Parameters, Values, at_the_ends, names_of
 from solvers.quantities import FREE, Constraint, Integral, Interval
 from solvers.reading import constraints, integrals
 from solvers.scenarios import Plant
@@ -38,9 +38,6 @@ from solvers.spec import (
     written_out,
 )
 from solvers.spec.pointers import parse_pointer
-
-End = tuple[Values, Values, Any]
-"""States, controls and time."""
 
 
 @dataclass(frozen=True)
@@ -124,6 +121,11 @@ class PhasedProblem:
         pairs = zip(self.phases, answer.parts, strict=True)
         return replace(answer, parts=tuple(phase.plant.trajectory(part) for phase, part in pairs))
 
+    @property
+    def at_the_ends(self) -> list[Expression]:
+        """What is evaluated at the ends of the whole flight."""
+        return at_the_ends(self.boundary, self.terminal_cost)
+
     def ends_scope(
         self,
         initial: End,
@@ -137,9 +139,7 @@ class PhasedProblem:
         ``parameters``: those of the flight, and those of its last phase.
         """
         first, last = self.phases[0].problem, self.phases[-1].problem
-        expressions = [item.expression for item in self.boundary]
-        expressions += [] if self.terminal_cost is None else [self.terminal_cost]
-        wanted = frozenset().union(*(expression.names for expression in expressions))
+        wanted = names_of(self.at_the_ends)
         return {
             **dict(
                 zip(
@@ -148,38 +148,19 @@ class PhasedProblem:
                     strict=True,
                 )
             ),
-            **end_scope(last, final, parameters[1], backend, wanted),
+            **last.end_scope(final, parameters[1], backend, wanted),
             **dict(zip((item.name for item in self.totals), totals, strict=True)),
             **parameters[0],
             "t0": initial[2],
         }
 
 
-def end_scope(
-    problem: OptimalControlProblem,
-    end: End,
-    parameters: Parameters,
-    backend: Backend,
-    wanted: Collection[str],
-) -> dict[str, Any]:
-    """Name what is known at the end of a phase: parameters, states, controls, outputs, tf."""
-    x, u, t = end
-    scope = {**parameters, "tf": t}
-    scope |= {f"{name}_f": value for name, value in zip(problem.states, x, strict=True)}
-    scope |= {f"{name}_f": value for name, value in zip(problem.controls, u, strict=True)}
-    along = problem.scope(x, u, t, parameters, backend)
-    for item in problem.outputs:
-        if f"{item.name}_f" in wanted:
-            scope[f"{item.name}_f"] = item.expression.evaluate(along, backend.functions)
-    return scope
-
-
 def start_after(
     link: Link, phases: tuple[Phase, Phase], end: End, parameters: Parameters, backend: Backend = NUMPY
 ) -> dict[str, Any]:
     """The values with which a phase begins after ``end`` of the phase before, by state."""
-    wanted = frozenset().union(*(item.names for item in link.starts.values()))
-    scope = end_scope(phases[0].problem, end, parameters, backend, wanted)
+    wanted = names_of(link.starts.values())
+    scope = phases[0].problem.end_scope(end, parameters, backend, wanted)
     return {name: item.evaluate(scope, backend.functions) for name, item in link.starts.items()}
 
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass, fields, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from solvers.first_answer import continued, rank
+from solvers.first_answer import continued, from_starts, rank
 from solvers.guess import Start, WarmStart
 from solvers.meshes import Mesh
 from solvers.minimum_energy import minimum_energy_start
@@ -70,7 +70,7 @@ class PhasedSession(Account):
         outcome = self.optimise(transcription, stage, share, warm=warm)
         solved = PhasedSolved(transcription, outcome, transcription.trajectory(outcome.unknowns))
         nodes = sum(int(part.nodes.size) for part in solved.trajectory.parts)
-        self.note(nodes, solved.objective, stage, outcome, transcription.objective_scale)
+        self.note(nodes, stage, outcome, transcription.objective_scale)
         return solved
 
     def transcription(self, mesh: Mesh, starts: Starts) -> PhasedTranscription:
@@ -83,15 +83,12 @@ class PhasedSession(Account):
         self, meshes: Sequence[Mesh], starts: int, earlier: PhasedTrajectory | None, span: float
     ) -> list[PhasedSolved]:
         """Answers on the finest mesh, best first; see :func:`solvers.first_answer.first_answers`."""
-        answers = self._from_earlier(meshes[-1], earlier, span)
-        if answers:
-            return answers
-        for index, first in enumerate(self._starts(starts)):
-            stage = "solve" if starts == 1 else f"start {index + 1} of {starts}"
-            share = span * index / starts, span * (index + 1) / starts
-            answers.append(self._continue(meshes, first, stage, share))
-            if answers[-1].stopped:
-                break
+        answers = self._from_earlier(meshes[-1], earlier, span) or from_starts(
+            self._starts(starts),
+            starts,
+            span,
+            lambda first, stage, share: self._continue(meshes, first, stage, share),
+        )
         return sorted(answers, key=rank)
 
     def _from_earlier(self, mesh: Mesh, earlier: PhasedTrajectory | None, span: float) -> list[PhasedSolved]:

@@ -28,8 +28,7 @@ from solvers.refine.residual import mesh_error_estimate
 from solvers.report import constraint_margins
 from solvers.scaling import automatic_scaling
 from solvers.sensitivity import Place, numbers_of, slopes
-from solvers.session import start_report
-from solvers.solution import Statistics
+from solvers.session import start_report, statistics_of
 from solvers.spec import JobSpec, ProblemSpec, Value
 from solvers.switching import find_switching
 from solvers.verify import Verification
@@ -108,13 +107,7 @@ def solve_phases(
         convergence=session.convergence,
         starts=[start_report(item, item.trajectory.tf, kept=item is solved) for item in answers],
         warnings=problem.warnings,
-        statistics=Statistics(
-            solved.transcription.builder.size,
-            solved.transcription.builder.row_count,
-            session.iterations,
-            solved.outcome.solver_status,
-            session.seconds,
-        ),
+        statistics=statistics_of(solved, session),
     )
 
 
@@ -160,8 +153,9 @@ def _margins(problem: PhasedProblem, answer: PhasedTrajectory) -> list[dict[str,
     for phase, part in zip(problem.phases, answer.parts, strict=True):
         for item in constraint_margins(phase.plant.problem, part):
             pointer = phase.located(item["pointer"])
-            known = found.setdefault(pointer, {**item, "pointer": pointer})
-            if known["at"] == item["at"] and known["active"] is item["active"]:
+            known = found.get(pointer)
+            if known is None:
+                found[pointer] = {**item, "pointer": pointer}
                 continue
             nearer = item if item["margin"] < known["margin"] else known
             known |= {

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from solvers.trajectory import Trajectory
+from solvers.trajectory import Trajectory, all_within
 
 Vector = NDArray[np.float64]
 
@@ -53,8 +53,7 @@ class PhasedTrajectory:
 
     def covers(self, times: Vector) -> bool:
         """Whether all times lie within [t0, tf], but for rounding."""
-        margin = _ROUNDING * (self.tf - self.t0)
-        return bool(np.all((times >= self.t0 - margin) & (times <= self.tf + margin)))
+        return all_within(times, self.t0, self.tf)
 
     def owners(self, times: Vector) -> NDArray[np.int64]:
         """The phase (K,) to which each time belongs.

@@ -174,8 +174,7 @@ class PhasedTranscription:
     def _add_ends(self) -> None:
         """Add the boundary constraints and the terminal cost of the whole flight."""
         problem, last = self.problem, len(self.parts) - 1
-        expressions = [item.expression for item in problem.boundary]
-        expressions += [] if problem.terminal_cost is None else [problem.terminal_cost]
+        expressions = problem.at_the_ends
         if not expressions:
             return
         first, final = _Symbols(self.parts[0]), _Symbols(self.parts[-1])

@@ -96,7 +96,7 @@ class HermiteSimpson(Transcription):
     def constrain_dynamics(self) -> None:
         """Hermite's middle and Simpson's end, interval by interval."""
         widths = np.diff(self.knots)
-        hermite = self._triples(np.full_like(widths, -0.5), np.ones_like(widths), np.full_like(widths, -0.5))
+        hermite = self._middles()
         simpson = self._triples(-np.ones_like(widths), np.zeros_like(widths), np.ones_like(widths))
         hermite_rates = self._triples(-widths / 8.0, np.zeros_like(widths), widths / 8.0)
         order = np.arange(2 * widths.size).reshape(2, -1).T.ravel()
@@ -109,8 +109,7 @@ class HermiteSimpson(Transcription):
 
     def straighten_rates(self) -> None:
         """Let rates of controls be linear on each interval, so that their bounds hold inside too."""
-        ones = np.ones(self.knots.size - 1)
-        middles = self._triples(-0.5 * ones, ones, -0.5 * ones)
+        middles = self._middles()
         for name in self.problem.rated:
             j = self.problem.controls.index(f"{name}_dot")
             rows = self.builder.rows_of(self.builder.blocks["controls"][j], middles)
@@ -120,9 +119,8 @@ class HermiteSimpson(Transcription):
         """Determine the middle control of an interval that is there for a jump of the model alone."""
         moments = np.diff(self.knots) < LONGEST_MOMENT
         if moments.any():
-            ones = np.ones(moments.size)
             rated = {f"{name}_dot" for name in self.problem.rated}  # straight already
-            rows = self._triples(-0.5 * ones, ones, -0.5 * ones)[moments]
+            rows = self._middles()[moments]
             for j, control in enumerate(self.control_rows()):
                 if self.problem.controls[j] not in rated:
                     middle = sparse.csr_array(rows @ control)
@@ -170,6 +168,11 @@ class HermiteSimpson(Transcription):
     def _simpson(self) -> sparse.csr_array:
         widths = np.diff(self.knots)
         return self._triples(widths / 6.0, 4.0 * widths / 6.0, widths / 6.0)
+
+    def _middles(self) -> sparse.csr_array:
+        """How far the middle of each interval is from the mean of its ends."""
+        ones = np.ones(self.knots.size - 1)
+        return self._triples(-0.5 * ones, ones, -0.5 * ones)
 
     def _triples(self, left: Vector, middle: Vector, right: Vector) -> sparse.csr_array:
         """A row for each interval with these entries at its left end, middle and right end."""
