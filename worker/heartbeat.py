@@ -22,6 +22,7 @@ def heartbeat(queue: JobQueue, slots: int, period: float) -> type[bootsteps.Star
         """Beats from the moment at which messages are fetched until the consumer stops."""
 
         requires = ("celery.worker.consumer.tasks:Tasks",)
+        _entry: Any = None  # as long as nothing was fetched
 
         def start(self, consumer: Any) -> None:
             """Beat once, then regularly on the consumer's timer (which logs an error and goes on)."""
@@ -34,7 +35,8 @@ def heartbeat(queue: JobQueue, slots: int, period: float) -> type[bootsteps.Star
 
         def stop(self, consumer: Any) -> None:
             """Fall silent at once rather than after the missed beats."""
-            self._entry.cancel()
+            if self._entry is not None:
+                self._entry.cancel()
             try:
                 queue.leave(consumer.hostname)
             except RedisError as error:

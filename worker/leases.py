@@ -24,6 +24,7 @@ def leases(store: JobStore, period: float) -> type[bootsteps.StartStopStep]:
         """Renews from the moment at which messages are fetched until the consumer stops."""
 
         requires = ("celery.worker.consumer.tasks:Tasks",)
+        _entry: Any = None  # as long as nothing was fetched
 
         def start(self, consumer: Any) -> None:
             """Renew at once, for the broker may have been away, then regularly on the consumer's timer."""
@@ -41,7 +42,8 @@ def leases(store: JobStore, period: float) -> type[bootsteps.StartStopStep]:
 
         def stop(self, consumer: Any) -> None:
             """Renew no more."""
-            self._entry.cancel()
+            if self._entry is not None:
+                self._entry.cancel()
 
     return Leases
 

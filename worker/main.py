@@ -39,6 +39,7 @@ def run(
     from worker.heartbeat import heartbeat
     from worker.leases import leases
     from worker.neighbours import Neighbours
+    from worker.pool import WatchedPool
     from worker.queue import JobQueue, make_celery
     from worker.shutdown import PatientWorker
     from worker.store import JobStore, connect
@@ -81,7 +82,7 @@ def run(
         store=JobStore(connect(settings), settings),
         patience=settings.shutdown_seconds,
         hostname=f"{name or os.getpid()}@{socket.gethostname()}",
-        pool="prefork",
+        pool=WatchedPool,
         consumer_cls=PromptConsumer,
         concurrency=slots,
         loglevel=log_level or settings.log_level,

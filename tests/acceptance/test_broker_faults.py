@@ -1,5 +1,6 @@
 """What happens to jobs when the broker is lost, late or empty."""
 
+import os
 import signal
 import tempfile
 import time
@@ -14,11 +15,14 @@ from redis import Redis
 
 from app.client import Client
 from tests.acceptance.conftest import SHORT, Deployment, Running, wait_until
+from tests.faults.processes import WORKER, Process
 from tests.problems import problem
 from tests.servers import DurableServer
 from worker.priorities import queue_of
+from worker.queue import JobQueue, make_celery
 from worker.records import Priority
 from worker.settings import QueueSettings
+from worker.store import connect
 
 Document = dict[str, Any]
 PREFIX = "faults:"
@@ -188,3 +192,35 @@ def test_the_service_says_that_the_broker_is_away_and_recovers_by_itself(
     with Redis.from_url(server.address) as redis:
         wait_until(lambda: not redis.hlen(f"{PREFIX}unacked"))
         assert api.get("/readyz").json()["queued"] == 0
+
+
+def test_a_worker_lives_on_when_its_child_dies_before_the_server_lets_it_in(
+    server: DurableServer, tmp_path: Path
+) -> None:
+    settings = QueueSettings(broker=server.address, prefix=f"{PREFIX}late:")
+    environment = {
+        **os.environ,
+        **SHORT,
+        "ONDELETTE_BROKER": settings.broker,
+        "ONDELETTE_PREFIX": settings.prefix,
+        "OMP_NUM_THREADS": "1",
+    }
+    log = tmp_path / "late.log"
+    (notes := tmp_path / "notes").touch()
+    with connect(settings) as redis:
+        queue = JobQueue(make_celery(settings), redis, settings)
+        redis.config_set("maxmemory", 1)
+        late = Process(WORKER, ["late", str(notes)], environment, log)
+        try:
+            wait_until(lambda: b"Trying to reconnect" in log.read_bytes())
+            (child,) = late.children()
+            os.kill(child, signal.SIGKILL)
+            wait_until(lambda: b"SIGKILL" in log.read_bytes() or not late.alive)
+            redis.config_set("maxmemory", 0)
+            wait_until(lambda: bool(queue.workers()) or not late.alive)
+            assert late.alive, log.read_text()
+            assert late.children() not in ([], [child])
+        finally:
+            redis.config_set("maxmemory", 0)
+            late.end()
+    assert "AttributeError" not in log.read_text()
