@@ -127,13 +127,11 @@ def _mission_size(problem: OptimalControlProblem, method: PiecewiseMethod) -> Pr
     plan = Plan.of(method, problem)
     driven = range(len(problem.states)) if plan.state is not None else driven_states(problem)
     bounded = sum(bool(np.isfinite(problem.state_bounds[index]).any()) for index in driven)
-    ahead = plan.intervals_ahead(0)
-    nodes = 2 * (plan.nodes + ahead) + 1
-    places = nodes + (ahead > 0)
-    soft = plan.nodes if ahead else nodes - 1
-    variables = (len(driven) + len(problem.controls)) * nodes + bounded * soft + 2
-    rows = len(driven) * (nodes - 1) + 2 * bounded * soft
-    rows += len(problem.path) * places + len(problem.boundary)
+    mesh = plan.mesh(0)
+    nodes, softened = mesh.instants, bounded * mesh.soft
+    variables = (len(driven) + len(problem.controls)) * nodes + softened + 2
+    rows = len(driven) * (nodes - 1) + 2 * softened
+    rows += len(problem.path) * mesh.local.size + len(problem.boundary)
     prediction = _timed(ProblemSize(variables, rows, nodes, 0.0), 0.0)
     return replace(prediction, seconds=_START_SECONDS + plan.count * prediction.seconds)
 

@@ -8,6 +8,7 @@ from math import ceil
 import numpy as np
 from numpy.typing import NDArray
 
+from solvers.piecewise.mesh import Mesh
 from solvers.problem import OptimalControlProblem
 from solvers.spec import PiecewiseMethod, bound_interval
 
@@ -15,8 +16,8 @@ Vector = NDArray[np.float64]
 
 # A last segment shorter than this part of the others is no segment.
 _SHORTEST = 1e-9
-# More intervals than this after the segment say no more about it.
-_MOST_AHEAD = 60
+# What comes after the segment only guides it: there intervals are twice as long, and no more than so many.
+_COARSER, _MOST_AHEAD = 2, 60
 
 
 @dataclass(frozen=True)
@@ -59,11 +60,12 @@ class Plan:
         """The index of the last segment that the prediction of segment ``index`` sees."""
         return min(index + self.sees, self.count) - 1
 
-    def intervals_ahead(self, index: int) -> int:
-        """The number of intervals after the segment in its prediction."""
+    def mesh(self, index: int) -> Mesh:
+        """The mesh of the prediction of segment ``index``, soft on half of the segment or, alone, everywhere."""
         if self.last_seen(index) == index:
-            return 0
-        return min(self.nodes * (self.sees - 1), _MOST_AHEAD)
+            return Mesh(self.nodes, 0, 0).softened()
+        rest = min(ceil(self.nodes * (self.sees - 1) / _COARSER), _MOST_AHEAD)
+        return Mesh(self.nodes, rest, self.nodes)
 
     def sees_the_end(self, index: int) -> bool:
         """Whether the horizon of segment ``index`` ends where the problem ends."""

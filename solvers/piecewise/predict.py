@@ -17,12 +17,14 @@ from numpy.typing import NDArray
 
 from solvers.optimizers.ipopt import Ipopt, Iterate, Limits, Outcome
 from solvers.piecewise.flow import Flow, RunawayError
-from solvers.piecewise.horizon import Horizon, Wanted
+from solvers.piecewise.horizon import Horizon
+from solvers.piecewise.mesh import Mesh
 from solvers.piecewise.plan import Plan
 from solvers.piecewise.reference import Reference
 from solvers.piecewise.setup import Setup
 from solvers.piecewise.simple import SimpleModel
 from solvers.piecewise.track import Tracker
+from solvers.piecewise.wanted import Wanted
 from solvers.status import SolveStatus
 
 Vector = NDArray[np.float64]
@@ -43,8 +45,8 @@ class Predictor:
         self._plan: Plan = setup.plan
         self._tracker: Tracker = setup.tracker
         self._flow = Flow(self._model.whole_rate, _FLIGHT_TOLERANCE)
-        self._horizons: dict[tuple[int, int], Horizon] = {}
-        self._optimizers: dict[tuple[int, int, bool], Ipopt] = {}
+        self._horizons: dict[Mesh, Horizon] = {}
+        self._optimizers: dict[tuple[Mesh, bool], Ipopt] = {}
         self._solution: tuple[Vector, Vector, Vector] | None = None  # times, states, controls of the last one
         self._ends: list[Vector] = []  # where each segment was expected to end when it began
 
@@ -95,20 +97,18 @@ class Predictor:
         Where the bounds cannot be held from this start they are made soft over the whole horizon.
         """
         started = time.perf_counter()
-        plan = self._plan
-        rest = plan.intervals_ahead(index)
-        everywhere = 2 * (plan.nodes + rest)
-        soft = plan.nodes if rest else everywhere
-        horizon, wanted, outcome = self._solve(index, start, at, limits, rest, soft)
-        if outcome.status is SolveStatus.INFEASIBLE and soft < everywhere:
-            horizon, wanted, outcome = self._solve(index, start, at, limits, rest, everywhere)
+        mesh = self._plan.mesh(index)
+        horizon, wanted, outcome = self._solve(index, start, at, limits, mesh)
+        if outcome.status is SolveStatus.INFEASIBLE and mesh != mesh.softened():
+            horizon, wanted, outcome = self._solve(index, start, at, limits, mesh.softened())
         states, controls, lengths = horizon.read(outcome.unknowns)
-        times = at + horizon.times(lengths)[horizon.place_of_node]
+        times = at + mesh.times(lengths)
         self._solution = (times, states, controls)
-        segment = slice(0, horizon.boundary_node + 1)
+        segment = slice(0, mesh.boundary + 1)
         driven, outside = list(self._model.driven), list(self._model.exogenous)
-        whole = np.empty((start.size, horizon.boundary_node + 1))
+        whole = np.empty((start.size, mesh.boundary + 1))
         whole[driven], whole[outside] = states[:, segment], wanted.numbers[: len(outside), segment]
+        variables, constraints = horizon.size
         return Reference(
             index=index,
             times=times[segment],
@@ -119,43 +119,40 @@ class Predictor:
             status=outcome.status,
             solver_status=outcome.solver_status,
             iterations=outcome.iterations,
-            variables=horizon.builder.size,
-            constraints=horizon.builder.row_count,
+            variables=variables,
+            constraints=constraints,
             seconds=time.perf_counter() - started,
         )
 
     def _solve(
-        self, index: int, start: Vector, at: float, limits: Limits, rest: int, soft: int
+        self, index: int, start: Vector, at: float, limits: Limits, mesh: Mesh
     ) -> tuple[Horizon, Wanted, Outcome]:
         setup, warm = self._setup, self._solution is not None
-        horizon = self._horizons.get((rest, soft)) or Horizon(
-            self._model, self._plan.nodes, rest, soft, setup.scales, setup.smoothing
-        )
-        self._horizons[rest, soft] = horizon
-        wanted = self._wanted(horizon, index, start, at)
+        horizon = self._horizons.get(mesh) or Horizon(self._model, mesh, setup.scales, setup.smoothing)
+        self._horizons[mesh] = horizon
+        wanted = self._wanted(mesh, index, start, at)
         program = horizon.program(wanted)
-        optimizer = self._optimizers.get((rest, soft, warm)) or Ipopt(
+        optimizer = self._optimizers.get((mesh, warm)) or Ipopt(
             program,
             tolerance=setup.tolerance,
             max_iterations=setup.max_iterations,
             warm=warm,
             barrier=_BARRIER,
         )
-        self._optimizers[rest, soft, warm] = optimizer
+        self._optimizers[mesh, warm] = optimizer
         return horizon, wanted, optimizer.minimise(program, limits, _unheard)
 
-    def _wanted(self, horizon: Horizon, index: int, start: Vector, at: float) -> Wanted:
+    def _wanted(self, mesh: Mesh, index: int, start: Vector, at: float) -> Wanted:
         setup, plan, model = self._setup, self._plan, self._model
-        nodes, part = horizon.places
-        guess = self._guess(horizon, index, at)
+        instants, part = mesh.places
+        guess = self._guess(mesh, index, at)
         if model.known_times:
-            times = at + horizon.times(guess[2])[horizon.place_of_node]
-            numbers = model.beforehand(start, times)[:, nodes]
+            numbers = model.beforehand(start, at + mesh.times(guess[2]))[:, instants]
             lengths = np.repeat(guess[2][:, None], 2, axis=1)
         else:
-            numbers = np.vstack([np.full(part.size, at), horizon.local])
+            numbers = np.vstack([np.full(part.size, at), mesh.local])
             # Without a rest its length is guessed, and fixed, as zero.
-            lengths = np.column_stack([_SHORTEST * guess[2], [np.inf, np.inf if horizon.rest else 0.0]])
+            lengths = np.column_stack([_SHORTEST * guess[2], [np.inf, np.inf if mesh.rest else 0.0]])
         driven = list(model.driven)
         ends = self._ends_of(index)
         problem = model.problem
@@ -187,11 +184,11 @@ class Predictor:
             horizon[place] = plan.edges[plan.last_seen(index) + 1]
         return segment, horizon
 
-    def _guess(self, horizon: Horizon, index: int, at: float) -> tuple[Vector, Vector, Vector]:
+    def _guess(self, mesh: Mesh, index: int, at: float) -> tuple[Vector, Vector, Vector]:
         """The last solution from here on, its end held; the document's guess at the beginning."""
         plan, problem = self._plan, self._model.problem
         lengths = self._lengths(index, at)
-        times = horizon.times(lengths)[horizon.place_of_node]
+        times = mesh.times(lengths)
         driven = list(self._model.driven)
         if self._solution is None:
             start, end = problem.guess.t0, problem.guess.tf

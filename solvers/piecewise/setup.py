@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 
 from solvers.backends import NUMPY
 from solvers.piecewise.gains import Weights
-from solvers.piecewise.horizon import Scales
 from solvers.piecewise.plan import Plan, actuator_limits
 from solvers.piecewise.simple import SimpleModel
 from solvers.piecewise.track import Tracker
+from solvers.piecewise.wanted import Scales
 from solvers.problem import OptimalControlProblem
 from solvers.scaling import nearest_power_of_two
 from solvers.spec import JobSpec, PiecewiseMethod, Value, evaluate_constant
