@@ -61,7 +61,7 @@ class Plan:
         return min(index + self.sees, self.count) - 1
 
     def mesh(self, index: int) -> Mesh:
-        """The mesh of the prediction of segment ``index``, soft on half of the segment or, alone, everywhere."""
+        """The mesh of the prediction of a segment: soft on its first half, without a rest everywhere."""
         if self.last_seen(index) == index:
             return Mesh(self.nodes, 0, 0).softened()
         rest = min(ceil(self.nodes * (self.sees - 1) / _COARSER), _MOST_AHEAD)
