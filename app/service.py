@@ -120,9 +120,7 @@ class Service:
         ``key`` is the client's Idempotency-Key: the job of an earlier submission with it is returned instead.
         Raises DocumentError, KeyReused, KeyInFlight, and QueueUnavailable, after which nothing is remembered.
         """
-        spec, size = check(body)
-        self.find_start(spec, principal)
-        self.check_webhook(spec)
+        spec, size = self.check(body, principal)
         record = new_record(spec, size, principal)
         job_id = self.once(
             key,
@@ -132,6 +130,14 @@ class Service:
             self.store.exists,
         )
         return record if job_id == record.id and not spec.reuse else self.store.get(job_id)
+
+    def check(self, body: bytes, principal: Principal) -> tuple[JobSpec, ProblemSize]:
+        """Return the checked form of a document and its size; raises DocumentError, with every fault in it."""
+        spec = check_text(body)
+        size = problem_size(spec)
+        self.find_start(spec, principal)
+        self.check_webhook(spec)
+        return spec, size
 
     def once(
         self,
@@ -317,12 +323,6 @@ def trajectory_of(answer: Mapping[str, Any]) -> AnyTrajectory:
 def not_finite() -> ServiceError:
     """Say that the numbers of an iterate that diverged (null in a result) cannot be interpolated."""
     return ServiceError("no-result", "The last iterate is not finite, so it cannot be resampled.")
-
-
-def check(body: bytes) -> tuple[JobSpec, ProblemSize]:
-    """Return the checked form of a document and its size; raises DocumentError with every fault."""
-    spec = check_text(body)
-    return spec, problem_size(spec)
 
 
 # Not a plain function: that would be called in another thread.

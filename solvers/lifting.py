@@ -11,7 +11,7 @@ document can use; the verification flies the document's own expressions.
 from __future__ import annotations
 
 import operator
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -28,6 +28,7 @@ Vector = NDArray[np.float64]
 PEAK = "peak@"
 _SAMPLES = 129
 _ABOVE: Interval = (0.0, np.inf)
+_MARKS = {operator.add: "+", operator.sub: "-", operator.mul: "*", divide: "/"}
 
 
 def with_peak(problem: OptimalControlProblem, suffix: str = "") -> OptimalControlProblem:
@@ -117,20 +118,37 @@ class _Lifting:
 
     def lift(self, expression: Expression, sign: float = 1.0) -> Expression:
         """The expression, which counts with ``sign``, with slacks where these are equivalent."""
+        program, stop = expression.program, len(expression.program)
+        corner = next((index for index, step in enumerate(program) if _has_corner(step)), stop)
+        # A long sum is a deep tree on its left: it is walked down, not called down.
+        behind: list[tuple[str, Expression, float | None]] = []
+        while corner < stop:
+            code, payload = program[stop - 1]
+            mark = _MARKS.get(payload, "") if code == Code.OPERATOR else ""
+            right = _part(expression, _right_operand(program[:stop]), stop - 1) if mark else None
+            if right is not None and mark in "+-":
+                behind.append((mark, right, sign if mark == "+" else -sign))
+            elif right is not None and (factor := self._constant(right)) is not None:
+                behind.append((mark, right, None))
+                sign *= float(np.sign(factor))
+            else:
+                break
+            stop -= len(right.program) + 1
+        result = _part(expression, 0, stop)
+        if corner < stop:
+            result = self._lift_last(result, sign)
+        for mark, right, its_sign in reversed(behind):
+            result = combined(mark, result, right if its_sign is None else self.lift(right, its_sign))
+        return result
+
+    def _lift_last(self, expression: Expression, sign: float) -> Expression:
+        """The same where the last operation has nothing to its left that could be lifted by itself."""
         (code, payload), operands = _split(expression)
-        if code == Code.OPERATOR and payload in (operator.add, operator.sub):
-            left, right = operands
-            mark, other = ("+", sign) if payload is operator.add else ("-", -sign)
-            return combined(mark, self.lift(left, sign), self.lift(right, other))
         if code == Code.NEGATE:
             return product(parse(-1.0), self.lift(operands[0], -sign))
-        if code == Code.OPERATOR and payload in (operator.mul, divide):
+        if code == Code.OPERATOR and payload is operator.mul:
             left, right = operands
-            factor = self._constant(right)
-            if factor is not None:
-                mark = "*" if payload is operator.mul else "/"
-                return combined(mark, self.lift(left, sign * np.sign(factor)), right)
-            factor = self._constant(left) if payload is operator.mul else None
+            factor = self._constant(left)
             if factor is not None:
                 return combined("*", left, self.lift(right, sign * np.sign(factor)))
         if code == Code.CALL and payload == "abs" and sign > 0.0:
@@ -163,27 +181,36 @@ class _Lifting:
 def _split(expression: Expression) -> tuple[Instruction, list[Expression]]:
     """The last operation of an expression and its operands."""
     program = expression.program
-    starts: list[int] = []
-    right = 0
-    for index, (code, _) in enumerate(program):
-        if code in (Code.NAME, Code.NUMBER):
-            starts.append(index)
-        elif code in (Code.OPERATOR, Code.PAIR):
-            right = starts.pop()
-    code = program[-1][0]
+    last = len(program) - 1
+    code = program[last][0]
     if code in (Code.NAME, Code.NUMBER):
-        return program[-1], []
-    if code in (Code.OPERATOR, Code.PAIR):
-        return program[-1], [_part(expression, 0, right), _part(expression, right, len(program) - 1)]
-    return program[-1], [_part(expression, 0, len(program) - 1)]
+        return program[last], []
+    if code not in (Code.OPERATOR, Code.PAIR):
+        return program[last], [_part(expression, 0, last)]
+    right = _right_operand(program)
+    return program[last], [_part(expression, 0, right), _part(expression, right, last)]
+
+
+def _right_operand(program: Sequence[Instruction]) -> int:
+    """Where the second operand of the last operation begins."""
+    start, wanted = len(program) - 1, 1
+    while wanted:
+        start -= 1
+        code = program[start][0]
+        wanted += (code in (Code.OPERATOR, Code.PAIR)) - (code in (Code.NAME, Code.NUMBER))
+    return start
 
 
 def _part(expression: Expression, start: int, stop: int) -> Expression:
+    if (start, stop) == (0, len(expression.program)):
+        return expression
     program = expression.program[start:stop]
     names = {payload: 0 for code, payload in program if code in (Code.NAME, Code.LOOKUP)}
     operations = sum(code not in (Code.NAME, Code.NUMBER) for code, _ in program)
     called = expression.called & names.keys()
-    return Expression(f"{expression.text} [{start}:{stop}]", names, operations, program, called)
+    # Structures are told apart by their texts: this one is as long as the part.
+    text = " ".join(str(getattr(payload, "__name__", payload)) for _, payload in program)
+    return Expression(text, names, operations, program, called)
 
 
 def _along_the_guess(problem: OptimalControlProblem, expression: Expression) -> Vector:

@@ -15,7 +15,7 @@ from app.errors import wrong_parameter
 from app.negotiation import LONGEST_WAIT, idempotency_key, json_body, matches_etag, preferred_wait
 from app.openapi import DOCUMENT_BODY, refusals
 from app.schemas import JobPage, JobView, SizeView
-from app.service import Service, Shared, check
+from app.service import Service, Shared
 from worker.records import JobRecord, JobStatus, is_job_id
 
 router = APIRouter(prefix="/v1", tags=["jobs"])
@@ -57,10 +57,10 @@ async def submitted(request: Request, service: Service, submit: Callable[[], Job
     return response
 
 
-@router.post("/validate", responses=refusals(413, 415, 422), openapi_extra=DOCUMENT_BODY)
-def validate(body: Body) -> SizeView:
+@router.post("/validate", responses=refusals(413, 415, 422, 503), openapi_extra=DOCUMENT_BODY)
+def validate(request: Request, service: Shared, body: Body) -> SizeView:
     """Check a document and tell its size and an estimate of the solve time; nothing is queued."""
-    spec, size = check(body)
+    spec, size = service.check(body, principal_of(request))
     return SizeView(
         method=spec.method.name,
         variables=size.variables,

@@ -164,12 +164,9 @@ def test_other_projects_jobs_are_not_there(
     assert client.get("/v1/jobs", headers=other).json()["jobs"] == []
     assert [found["id"] for found in client.get("/v1/jobs", headers=mine).json()["jobs"]] == [job["id"]]
     # Nor are they a way around: to start from, or to take the answer of.
-    members = problem(
-        client.post("/v1/jobs", json={**document, "warm_start": job["id"]}, headers=other),
-        422,
-        "invalid-document",
-    )
-    assert members["errors"][0]["pointer"] == "/warm_start"
+    for path in ("/v1/jobs", "/v1/validate"):
+        response = client.post(path, json={**document, "warm_start": job["id"]}, headers=other)
+        assert problem(response, 422, "invalid-document")["errors"][0]["pointer"] == "/warm_start"
     assert client.post("/v1/jobs", json={**document, "warm_start": job["id"]}, headers=mine).is_success
     reused = client.post("/v1/jobs", json={**document, "reuse": True}, headers=other).json()
     assert reused["status"] == "queued"

@@ -94,6 +94,16 @@ def test_corners_that_stay_are_told(rigid_body: dict[str, Any]) -> None:
     assert pointers == ["/problem/objective/terminal", "/problem/objective/running"]
 
 
+@pytest.mark.parametrize("corner", ["", " + abs(T)"])
+def test_the_longest_costs(corner: str) -> None:
+    """As many operations as an expression may have, each the left operand of the next."""
+    sizes = [
+        problem_size(check_document(edited({"/problem/objective": {"running": f"T^2{corner}{tail}"}})))
+        for tail in ("", "+T" * (1999 - 2 * bool(corner)))
+    ]
+    assert sizes[0] == sizes[1]
+
+
 def test_peaks_of_several_plants(two_plants: dict[str, Any]) -> None:
     """x' = a u over 1: the peak of a u is 1 for the nominal plant, of the stronger one twice as much."""
     problem = two_plants["problem"]
