@@ -132,7 +132,7 @@ class Service:
         return record if job_id == record.id and not spec.reuse else self.store.get(job_id)
 
     def check(self, body: bytes, principal: Principal) -> tuple[JobSpec, ProblemSize]:
-        """Return the checked form of a document and its size; raises DocumentError, with every fault in it."""
+        """Return the checked form of a document and its size; raises DocumentError with every fault."""
         spec = check_text(body)
         size = problem_size(spec)
         self.find_start(spec, principal)

@@ -26,6 +26,7 @@ from solvers.quantities import FREE, Constraint, DesignParameter, Interval
 Vector = NDArray[np.float64]
 
 PEAK = "peak@"
+_SLACK = "slack@"
 _SAMPLES = 129
 _ABOVE: Interval = (0.0, np.inf)
 _MARKS = {operator.add: "+", operator.sub: "-", operator.mul: "*", divide: "/"}
@@ -84,6 +85,12 @@ def lifted(problem: OptimalControlProblem) -> OptimalControlProblem:
         integrals=integrals,
         guess=replace(problem.guess, controls=(*problem.guess.controls, *pieces)),
     )
+
+
+def bounded_only(problem: OptimalControlProblem) -> frozenset[str]:
+    """The integrals with slacks, which may be as large as their bounds: their sums are not the integrals."""
+    slacks = [name for name in problem.controls if name.startswith(_SLACK)]
+    return frozenset(item.name for item in problem.integrals if not item.expression.names.isdisjoint(slacks))
 
 
 def corners(problem: OptimalControlProblem) -> Iterator[tuple[str, str]]:
@@ -170,7 +177,7 @@ class _Lifting:
 
     def _slack(self, start: Expression, *below: Expression) -> Expression:
         """A slack that is at least as large as each of ``below``, which together make ``start``."""
-        name = f"slack@{len(self.slacks)}"
+        name = f"{_SLACK}{len(self.slacks)}"
         self.slacks[name] = start
         for number, item in enumerate(below):
             expression = combined("-", named(name), item)

@@ -8,6 +8,7 @@ its size is linear in the number of cases.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -18,7 +19,7 @@ from solvers.data_table import DataTable
 from solvers.dynamics import Body, Dynamics
 from solvers.expressions import Expression, combined, named, parse, product, renamed, total
 from solvers.implied_ends import relaxed_ends
-from solvers.lifting import corners, lifted, with_peak
+from solvers.lifting import bounded_only, corners, lifted, with_peak
 from solvers.models import Formula
 from solvers.problem import OptimalControlProblem
 from solvers.quantities import FREE, Constraint, DesignParameter, Integral, NamedQuantity
@@ -56,9 +57,16 @@ class Plant:
         every = list(answer.states)
         return [every.index(self.names.get(name, name)) for name in self.problem.states]
 
-    def integrals(self, values: Mapping[str, float]) -> dict[str, float]:
-        """The integrals of this plant among those of the answer."""
-        return {item.name: values[self.names.get(item.name, item.name)] for item in self.problem.integrals}
+    def integrals(
+        self, solved: OptimalControlProblem, values: Mapping[str, float], flown: Mapping[str, float]
+    ) -> dict[str, float]:
+        """This plant's integrals: from ``values`` of the problem ``solved``, else as ``flown`` (NaN: not)."""
+        loose = bounded_only(solved)
+        names = {item.name: self.names.get(item.name, item.name) for item in self.problem.integrals}
+        return {
+            name: flown.get(name, math.nan) if inner in loose else values[inner]
+            for name, inner in names.items()
+        }
 
 
 @dataclass(frozen=True)

@@ -117,7 +117,9 @@ def solve(
         method={**method.model_dump(exclude_none=True), **improved.summary},
         verification=verification,
         model_report=model_report(leading.problem, trajectory),
-        integrals=leading.integrals(solved.transcription.integrals(solved.outcome.unknowns)),
+        integrals=leading.integrals(
+            problem, solved.transcription.integrals(solved.outcome.unknowns), verification.integrals
+        ),
         switching=improved.switching(problem),
         constraints=constraint_margins(leading.problem, trajectory),
         sensitivity=slopes,

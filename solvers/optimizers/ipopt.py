@@ -35,6 +35,10 @@ _LOW_BARRIER = 1e-4
 _NEAR = {"ipopt.bound_push": 1e-3, "ipopt.bound_frac": 1e-3}
 _FALLING = {"ipopt.bound_push": 1e-6, "ipopt.bound_frac": 1e-6}
 
+# Scaled unknowns are of order one; beyond this the optimum is at infinity, and IPOPT's own limit, 1e20, is
+# passed too late: steps there are too short to get to it in thousands of iterations.
+_DIVERGED = 1e14
+
 # A column is dense from this part of all rows on; the two times are dense by nature and do no harm.
 _DENSE_PART = 0.05
 _FEW_DENSE = 4
@@ -121,6 +125,7 @@ class Ipopt:
             "ipopt.max_iter": max_iterations,
             # A control that rests on its bound shall not pass it, not even by a rounding of 1e-8.
             "ipopt.bound_relax_factor": 0.0,
+            "ipopt.diverging_iterates_tol": _DIVERGED,
             "ipopt.mumps_pivot_order": _ordering(compiled.jacobian.sparsity_out(1)),
         }
         exact = tolerance < _EXACT_BELOW

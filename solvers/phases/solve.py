@@ -68,8 +68,10 @@ def solve_phases(
         solved.outcome.status, [("", verification)], lambda: _evaluation_fault(problem, answer)
     )
     integrals = [
-        phase.plant.integrals(part.transcription.integrals(part.outcome.unknowns))
-        for phase, part in zip(problem.phases, solved.parts, strict=True)
+        phase.plant.integrals(
+            phase.problem, part.transcription.integrals(part.outcome.unknowns), flown.integrals
+        )
+        for phase, part, flown in zip(problem.phases, solved.parts, verification.parts, strict=True)
     ]
     reports = [
         model_report(phase.plant.problem, part)

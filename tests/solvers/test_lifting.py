@@ -83,6 +83,12 @@ def test_an_integral_of_a_magnitude_that_is_bounded_above(rigid_body: dict[str, 
     assert result["verification"]["integrals"]["fuel"] <= 1.2 * 1.01
 
 
+def test_an_integral_far_below_its_bound_is_told_as_it_is(rigid_body: dict[str, Any]) -> None:
+    """Nothing draws the slacks down; the fuel of full force over T = 2 is 2, whatever is allowed."""
+    rigid_body["problem"]["integrals"] = [{"name": "fuel", "expression": "abs(u)", "bounds": [None, 50]}]
+    assert result_of(rigid_body)["integrals"]["fuel"] == pytest.approx(2.0, rel=0.01)
+
+
 def test_corners_that_stay_are_told(rigid_body: dict[str, Any]) -> None:
     problem = rigid_body["problem"]
     problem |= {

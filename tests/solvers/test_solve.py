@@ -77,6 +77,14 @@ def test_an_iteration_limit(flexible_spacecraft: dict[str, Any]) -> None:
     assert solution.status is SolveStatus.ITERATION_LIMIT
 
 
+@pytest.mark.parametrize("method", METHODS)
+def test_a_cost_that_falls_for_ever_diverges(regulator: dict[str, Any], method: dict[str, Any]) -> None:
+    regulator["problem"] |= {"objective": {"terminal": "-x_f"}, "bounds": {}, "final_state": {}}
+    solution = solve(check_document({**regulator, "method": method}))
+    assert solution.status is SolveStatus.DIVERGED
+    assert solution.statistics.iterations < 200
+
+
 def test_what_cannot_be_reached_is_infeasible(flexible_spacecraft: dict[str, Any]) -> None:
     flexible_spacecraft["problem"]["final_time"] = 20
     solution = solve(check_document(flexible_spacecraft))
