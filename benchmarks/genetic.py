@@ -10,11 +10,10 @@ from __future__ import annotations
 import sys
 import time
 import timeit
-from concurrent.futures import ProcessPoolExecutor
-from multiprocessing import get_context
 from typing import Any
 
 import numpy as np
+from solar_array_optima import EXACT, PENALISED
 
 from solvers.arrays import kernel
 from solvers.arrays.compiled import CompiledKernel
@@ -31,23 +30,6 @@ from solvers.solve import solve
 from solvers.spec import check_document
 
 SEEDS = range(20)
-# Optima in the basis, by another program: with exact ends, and of |alpha|^2 + 100 |x(T) - x_f|^2.
-EXACT = {
-    ("1", 0): 4.443955080,
-    ("1", 1): 4.443590181,
-    ("2", 0): 10.205104621,
-    ("2", 1): 9.712634736,
-    ("2neg", 0): 8.742991676,
-    ("2neg", 1): 8.387193006,
-}
-PENALISED = {
-    ("1", 0): 4.434564,
-    ("1", 1): 4.434323,
-    ("2", 0): 9.978910,
-    ("2", 1): 9.515983,
-    ("2neg", 0): 8.619718,
-    ("2neg", 1): 8.280200,
-}
 KERNELS = {"NumPy": kernel.NumpyKernel, "numba": CompiledKernel}
 
 
@@ -154,20 +136,33 @@ def paper() -> None:
         print(f"| {name} | {min(times):.2f} |", flush=True)
 
 
-def _searched(seed: int) -> float:
-    started = time.perf_counter()
-    solved("2", polish=False, wavelet_levels=1, seed=seed)
-    return time.perf_counter() - started
-
-
 def processes() -> None:
-    """Independent searches, one after the other and in two processes."""
-    for count in (1, 2):
-        with ProcessPoolExecutor(count, mp_context=get_context("spawn")) as pool:
-            list(pool.map(_searched, [100, 101]))  # libraries loaded, kernels compiled
+    """Searches of one job, by one process and by two: seconds from document to result, the same answers."""
+    ways = (
+        ("solar_array_2", 1, {"wavelet_levels": 1}),
+        ("solar_array_2", 8, {"variant": "classic"}),
+        ("flexible_spacecraft", 2, {"scaling_functions": 25, "generations": 1000}),
+        ("flexible_spacecraft", 2, {"scaling_functions": 25, "generations": 1000, "variant": "classic"}),
+    )
+    print("\n| case | variant | starts | runs | one process, s | two processes, s | ratio |")
+    print("|---|---|---|---|---|---|---|")
+    for case, starts, method in ways:
+        times, answers = [], []
+        for count in (1, 2):
+            document = load_case(case) | {
+                "method": {"name": "ga", "polish": False, "processes": count, **method},
+                "options": {"starts": starts},
+            }
             started = time.perf_counter()
-            list(pool.map(_searched, range(4)))
-            print(f"4 searches in {count} processes: {time.perf_counter() - started:.2f} s", flush=True)
+            answers.append(solve(check_document(document)).result())
+            times.append(time.perf_counter() - started)
+        assert answers[0]["coefficients"] == answers[1]["coefficients"]
+        runs, variant = len(answers[0]["starts"]), method.get("variant", "modern")
+        ratio = times[0] / times[1]
+        print(
+            f"| {case} | {variant} | {starts} | {runs} | {times[0]:.2f} | {times[1]:.2f} | {ratio:.2f} |",
+            flush=True,
+        )
 
 
 if __name__ == "__main__":

@@ -142,7 +142,7 @@ def _genetic_size(problem: OptimalControlProblem, method: GeneticMethod) -> Prob
     intervals = basis.units << basis.answer_level
     n, nodes = len(problem.states), 2 * intervals + 1
     genes = len(problem.controls) * basis.size
-    seconds = _EVALUATION * method.population * method.budget * n
+    seconds = _EVALUATION * method.population * method.budget() * n
     if not method.polish:
         return ProblemSize(genes, 0, nodes, seconds)
     held = [*problem.control_bounds] * nodes + [*problem.initial_control, *problem.final_control]

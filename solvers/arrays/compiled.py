@@ -2,8 +2,8 @@
 
 Optional (``pip install ondelette[numba]``). What is compiled is this file, once, and kept on disk; graphs are
 data to it, so that nothing submitted is ever compiled. Sine and cosine, where populations spend their time,
-are polynomials that the compiler can run on several numbers at once (Moshier, Cephes; reduction by Cody and
-Waite), within two units of the last place of the library's.
+are one polynomial that the compiler can run on several numbers at once (Shibata and Petrogalli, "SLEEF", IEEE
+Trans. Parallel Distrib. Syst. 31, 2020; reduction by Cody and Waite), within two units of the last place.
 """
 
 from __future__ import annotations
@@ -30,41 +30,43 @@ _SINH, _COSH, _TANH, _EXP, _LOG, _SQRT, _ABS, _SIGN, _MIN, _MAX = (
 )
 _COPY = len(CODES)
 # Places that are gone through together, so that what is between inputs and outputs stays in the cache.
-_BLOCK = 256
+_BLOCK = 512
 # Up to here the reduction of angles is exact enough.
 _LARGEST_ANGLE = 1e5
-_QUARTERS = 2.0 / np.pi
+_HALF_TURNS = 1.0 / np.pi
+# pi in three parts, the first two short enough for exact products with whole numbers.
+_PI = (3.14159250259399414062e0, 1.50995788317231927067e-7, 1.07806057163162381158e-14)
 _SINE = (
-    1.58962301576546568060e-10,
-    -2.50507477628578072866e-8,
-    2.75573136213857245213e-6,
-    -1.98412698295895385996e-4,
-    8.33333333332211858878e-3,
-    -1.66666666666666307295e-1,
+    -7.97255955009037868891952e-18,
+    2.81009972710863200091251e-15,
+    -7.64712219118158833288484e-13,
+    1.60590430605664501629054e-10,
+    -2.50521083763502045810755e-8,
+    2.75573192239198747630416e-6,
+    -1.98412698412696162806809e-4,
+    8.33333333333332974823815e-3,
+    -1.66666666666666657414808e-1,
 )
-_COSINE = (
-    -1.13585365213876817300e-11,
-    2.08757008419747316778e-9,
-    -2.75573141792967388112e-7,
-    2.48015872888517045348e-5,
-    -1.38888888888730564116e-3,
-    4.16666666666665929218e-2,
-)
-_HALF_PI = (1.57079625129699707031e0, 7.54978941586159635335e-8, 5.39030285815811905290e-15)
 
 
 class CompiledKernel:
-    """Like :class:`solvers.arrays.kernel.NumpyKernel`; every value has a row of one table."""
+    """Like :class:`solvers.arrays.kernel.NumpyKernel`.
+
+    Inputs and outputs are rows of one table (rows, K); everything between them, and constants, are rows of
+    another one that is as long as a block.
+    """
 
     def __init__(self, outputs: Sequence[Symbol], names: Sequence[str], places: int) -> None:
         rows = {name: row for row, name in enumerate(names)}
         steps, constants, size = _allocated(outputs, rows)
-        table = np.zeros((size, places))
+        whole = len(rows) + len(outputs)
+        table = np.zeros((whole, places))
+        between = np.zeros((size - whole, min(places, _BLOCK)))
         for row, value in constants.items():
-            table[row] = value
+            (table[row] if row < whole else between[row - whole])[:] = value
         self.inputs: Vector = table[: len(rows)]
-        self.outputs: Vector = table[len(rows) : len(rows) + len(outputs)]
-        self._arguments = (*np.array(steps, np.int64).reshape(-1, 4).T.copy(), table)
+        self.outputs: Vector = table[len(rows) :]
+        self._arguments = (*np.array(steps, np.int64).reshape(-1, 4).T.copy(), table, between)
 
     def run(self) -> None:
         """Evaluate everything."""
@@ -113,27 +115,23 @@ def _allocated(
 
 @numba.njit(cache=True, fastmath={"contract"}, error_model="numpy")
 def _turn(angles: Vector, turn: float, out: Vector) -> None:
-    """sin(angle + turn pi/2) of every angle: reduced to an eighth of a turn, then a polynomial.
+    """sin(angle + turn pi/2) of every angle, for a turn of 0 or 1: reduced to half a turn, then a polynomial.
 
     Arithmetic in place of choices, which would keep the compiler from taking several numbers at once.
     """
+    shift = 0.5 * turn
     for k in range(angles.size):
         x = angles[k]
-        own = np.floor(x * _QUARTERS + 0.5)
-        r = ((x - own * _HALF_PI[0]) - own * _HALF_PI[1]) - own * _HALF_PI[2]
+        half_turns = np.floor(x * _HALF_TURNS + shift + 0.5)
+        own = half_turns - shift
+        r = ((x - own * _PI[0]) - own * _PI[1]) - own * _PI[2]
         z = r * r
         s = _SINE[0]
-        c = _COSINE[0]
-        for term in range(1, 6):
+        for term in range(1, 9):
             s = s * z + _SINE[term]
-            c = c * z + _COSINE[term]
-        sine = r + r * z * s
-        cosine = 1.0 - 0.5 * z + z * z * c
-        half_turns = 0.5 * (own + turn)
-        whole = np.floor(half_turns)
-        odd = 2.0 * (half_turns - whole)
-        sign = 1.0 - 4.0 * (0.5 * whole - np.floor(0.5 * whole))
-        out[k] = sign * (sine + odd * (cosine - sine))
+        pairs = 0.5 * half_turns
+        sign = 1.0 - 4.0 * (pairs - np.floor(pairs))
+        out[k] = sign * (r + r * z * s)
 
 
 @numba.njit(cache=True, error_model="numpy")
@@ -152,15 +150,25 @@ def _largest(values: Vector) -> float:
     return largest
 
 
+@numba.njit(cache=True, error_model="numpy")
+def _row(table: Vector, between: Vector, row: int, start: int, stop: int) -> Vector:
+    """The values of a row at the places of a block."""
+    if row < table.shape[0]:
+        return table[row, start:stop]
+    return between[row - table.shape[0], : stop - start]
+
+
 @numba.njit(cache=True, fastmath={"contract"}, error_model="numpy")
-def _interpret(codes: Indices, first: Indices, second: Indices, targets: Indices, table: Vector) -> None:
+def _interpret(
+    codes: Indices, first: Indices, second: Indices, targets: Indices, table: Vector, between: Vector
+) -> None:
     """Do every step, block of places after block."""
     for start in range(0, table.shape[1], _BLOCK):
         stop = min(start + _BLOCK, table.shape[1])
         for step in range(codes.size):
-            a = table[first[step], start:stop]
-            b = table[second[step], start:stop]
-            out = table[targets[step], start:stop]
+            a = _row(table, between, first[step], start, stop)
+            b = _row(table, between, second[step], start, stop)
+            out = _row(table, between, targets[step], start, stop)
             _do(codes[step], a, b, out)
 
 

@@ -32,11 +32,11 @@ def energy_of(model: ArrayModel, basis: DaubechiesBasis) -> Callable[[Vector], V
     curvature = pairs - ahead[:, None] - ahead[None, :] + constant
     linear = np.outer(slopes, basis.integrals(basis.levels)[:, -1]).ravel()
     quadratic = np.kron(curvature, np.eye(basis.size)) / (2.0 * basis.units)
+    alone = constant == 0.0 and not linear.any()
 
     def energy(coefficients: Vector) -> Vector:
-        return np.asarray(
-            constant + coefficients @ linear + np.einsum("pi,pi->p", coefficients @ quadratic, coefficients)
-        )
+        total = np.einsum("pi,pi->p", coefficients @ quadratic, coefficients)
+        return np.asarray(total if alone else total + (constant + coefficients @ linear))
 
     return energy
 

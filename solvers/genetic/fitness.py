@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -90,8 +91,7 @@ class Fitness:
 
     def _reader(self, name: str) -> _Reader:
         """What gives an input of the ends, (P,)."""
-        problem, basis = self.genome.problem, self.genome.basis
-        edges = basis.values(basis.levels)[:, [0, -1]].T
+        problem = self.genome.problem
         readers: dict[str, _Reader] = {
             "t0": lambda individuals, _: individuals.t0,
             "tf": lambda individuals, _: individuals.tf,
@@ -101,8 +101,18 @@ class Fitness:
         for i, state in enumerate(problem.states):
             readers |= {f"{state}_0": _given("initial", i), f"{state}_f": _reached("final", i)}
         for j, control in enumerate(problem.controls):
-            readers |= {f"{control}_0": _control(j, edges[0]), f"{control}_f": _control(j, edges[1])}
+            readers |= {f"{control}_0": self._control(j, 0), f"{control}_f": self._control(j, -1)}
         return readers[name]
+
+    def _control(self, index: int, edge: int) -> _Reader:
+        """A control at the first (0) or last (-1) point."""
+        return lambda individuals, _: individuals.coefficients[:, index] @ self._edges[:, edge]
+
+    @cached_property
+    def _edges(self) -> Vector:
+        """Every function at points of which the first and the last one are the ends of time."""
+        basis = self.genome.basis
+        return basis.values(basis.levels)
 
 
 def _given(field: str, row: int) -> _Reader:
@@ -111,8 +121,3 @@ def _given(field: str, row: int) -> _Reader:
 
 def _reached(field: str, row: int) -> _Reader:
     return lambda _, simulated: getattr(simulated, field)[row]
-
-
-def _control(index: int, values: Vector) -> _Reader:
-    """A control where the functions have these values."""
-    return lambda individuals, _: individuals.coefficients[:, index] @ values

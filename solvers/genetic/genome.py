@@ -85,18 +85,17 @@ class Genome:
         coefficients = np.linalg.lstsq(table.T, wanted.T)[0].T
         return np.concatenate([coefficients.ravel(), np.zeros(len(self._free))])
 
+    @property
+    def resting(self) -> Individuals:
+        """The individual (1 of it) whose controls are zero, everything else as in the start."""
+        return self.read(np.zeros((1, self.size)))
+
     def read(self, genes: Vector) -> Individuals:
         """What genes (P, size) stand for."""
         count, scales = genes.shape[0], self.scaling.controls
         shape = (count, len(self.problem.controls), self.basis.size)
         coefficients = genes[:, : self.controls].reshape(shape) * scales[:, None]
-        values, strayed = self._given(count)
-        if not self.fixed:
-            values, strayed = values.copy(), strayed.copy()
-        for gene, (index, interval, scale) in zip(genes[:, self.controls :].T, self._free, strict=True):
-            wanted = self._values[index] + scale * gene
-            values[index] = np.clip(wanted, *interval)
-            strayed += ((wanted - values[index]) / scale) ** 2
+        values, strayed = self._given(count) if self.fixed else self._moved(genes[:, self.controls :].T)
         n = len(self.problem.states)
         return Individuals(coefficients, values[:n], values[n:-2], values[-2], values[-1], strayed)
 
@@ -105,6 +104,16 @@ class Genome:
         if count not in self._kept:
             self._kept[count] = np.repeat(self._values[:, None], count, axis=1), np.zeros(count)
         return self._kept[count]
+
+    def _moved(self, genes: Vector) -> tuple[Vector, Vector]:
+        """Values within their bounds, and how far their ``genes`` (free, P) stray, of so many individuals."""
+        values = np.repeat(self._values[:, None], genes.shape[1], axis=1)
+        strayed = np.zeros(genes.shape[1])
+        for gene, (index, interval, scale) in zip(genes, self._free, strict=True):
+            wanted = values[index] + scale * gene
+            values[index] = np.clip(wanted, *interval)
+            strayed += ((wanted - values[index]) / scale) ** 2
+        return values, strayed
 
     def end_equations(self, simulator: EndEquations) -> tuple[Vector, Vector]:
         """Matrix (K, size) and right side (K,) of the end conditions that are linear in the genes.

@@ -28,7 +28,7 @@ from solvers.arrays.structure import affine, depends_on
 from solvers.genetic.energy import energy_of
 from solvers.genetic.genome import Genome, Individuals
 from solvers.genetic.model import ArrayModel
-from solvers.genetic.responses import end_responses, tabulate
+from solvers.genetic.responses import end_responses, stacked, tabulate
 from solvers.genetic.simulation import Simulated
 
 Vector = NDArray[np.float64]
@@ -85,13 +85,12 @@ class QuadratureSimulator:
         self._bounded = bool(depends_on([model.violation]))
         self._outputs += [model.violation] if self._bounded else []
         named = depends_on(self._outputs)
-        inputs = [name for name in model.inputs if name in named]
-        self._named = [self._responses[name] for name in inputs]
+        inputs = [name for name in self._responses if name in named]
+        self._tables = stacked([self._responses[name] for name in inputs])
         self._kernels = Kernels(self._outputs, inputs)
         places = {name: index for index, name in enumerate(self._states)}
-        self._chained = [places[name] for name in chains.rates]
         self._integral = [places[name] for name in chains.integrals]
-        self._ends = end_responses(self._responses, list(chains.rates))
+        self._ends = self._final_responses(genome, [places[name] for name in chains.rates])
 
     def simulate(self, individuals: Individuals) -> Simulated:
         """See :class:`Simulator`."""
@@ -100,10 +99,11 @@ class QuadratureSimulator:
         flat = coefficients.reshape(count, -1)
         duration = float(individuals.tf[0] - individuals.t0[0])
         integrals = self._integrate(flat, duration)
-        final = np.empty((len(self._states), count))
-        final[self._chained] = (self._ends[0] @ flat.T) + self._ends[1][:, None]
+        final = self._ends[0] @ flat.T
+        final += self._ends[1]
         first, stop = len(self._integral), len(self._integral) + self._quantities
-        final[self._integral] = individuals.initial[self._integral] + integrals[:first]
+        for row, change in zip(self._integral, integrals, strict=False):
+            final[row] += change
         cost = integrals[stop] if self._energy is None else duration * self._energy(flat)
         violation = integrals[-1] / duration if self._bounded else np.zeros(count)
         return Simulated(final, cost, integrals[first:stop], violation)
@@ -114,18 +114,25 @@ class QuadratureSimulator:
         matrix, constants = end_responses(self._responses, names)
         return matrix, np.array([wanted[name] for name in names]) - constants
 
+    def _final_responses(self, genome: Genome, chained: list[int]) -> tuple[Vector, Vector]:
+        """Matrix (n, m N) and constants (n, 1): final states by the coefficients, less what integrals add."""
+        matrix = np.zeros((len(self._states), genome.controls))
+        constants = genome.resting.initial.copy()
+        matrix[chained], constants[chained, 0] = end_responses(self._responses, list(self._chains.rates))
+        return matrix, constants
+
     def _integrate(self, flat: Vector, duration: float) -> Vector:
         """Integrals over time of every output, (outputs, P)."""
-        shape = flat.shape[0], self._weights.size
+        shape = self._weights.size, flat.shape[0]
         if not self._outputs:
-            return np.zeros((0, shape[0]))
+            return np.zeros((0, shape[1]))
         kernel = self._kernels.at(shape[0] * shape[1])
-        for response, values in zip(self._named, kernel.inputs.reshape(-1, *shape), strict=True):
-            np.matmul(flat[:, response.genes], response.table, out=values)
-            if response.moves:
-                values += response.constant
+        values, first = kernel.inputs.reshape(-1, *shape), 0
+        for tables in self._tables:
+            tables.fill(flat, values[first : first + tables.count])
+            first += tables.count
         kernel.run()
-        return np.asarray(duration * (kernel.outputs.reshape(-1, *shape) @ self._weights), np.float64)
+        return np.asarray(duration * (self._weights @ kernel.outputs.reshape(-1, *shape)), np.float64)
 
 
 def _simpson(points: int) -> Vector:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import groupby
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,10 +33,45 @@ class Response:
     genes: slice
     total: int
 
+
+@dataclass(frozen=True)
+class Stack:
+    """Several quantities that depend on equally many coefficients, to be had by one product.
+
+    ``tables`` (R, K, genes), ``constants`` (R, K, 1); ``genes`` (R, genes): the indices of the coefficients.
+    """
+
+    tables: Vector
+    constants: Vector
+    genes: NDArray[np.intp]
+
+    @property
+    def count(self) -> int:
+        """R, the number of quantities."""
+        return int(self.genes.shape[0])
+
     @cached_property
-    def moves(self) -> bool:
-        """Whether the constant part is not zero."""
-        return bool(self.constant.any())
+    def _moves(self) -> bool:
+        """Whether a constant part is not zero."""
+        return bool(self.constants.any())
+
+    def fill(self, coefficients: Vector, values: Vector) -> None:
+        """Write the quantities of coefficients (P, m N) into ``values`` (R, K, P)."""
+        np.matmul(self.tables, coefficients.T[self.genes], out=values)
+        if self._moves:
+            values += self.constants
+
+
+def stacked(responses: Sequence[Response]) -> list[Stack]:
+    """The same responses in the same order, neighbours of equal widths together."""
+    stacks = []
+    for _, group in groupby(responses, key=lambda response: response.table.shape[0]):
+        alike = list(group)
+        tables = np.array([response.table.T for response in alike])
+        constants = np.array([response.constant for response in alike])[:, :, None]
+        genes = np.array([np.arange(response.genes.start, response.genes.stop) for response in alike])
+        stacks.append(Stack(tables, constants, genes))
+    return stacks
 
 
 @dataclass(frozen=True)
@@ -62,7 +98,7 @@ def tabulate(problem: OptimalControlProblem, genome: Genome, rates: Rates, level
     nested = any(name in rates for factors in rates.values() for name in factors)
     finer = _FINER if nested else 0
     basis, m = genome.basis, len(problem.controls)
-    individual = genome.read(genome.first()[None, :])
+    individual = genome.resting
     t0, duration = float(individual.t0[0]), float(individual.tf[0] - individual.t0[0])
     points = basis.points(level + finer)
     values, integrals = (

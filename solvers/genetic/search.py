@@ -1,34 +1,30 @@
-"""The search: stage after stage of basis functions, by one of two variants, watched."""
+"""The search: runs from the guess, then finer functions stage after stage, watched."""
 
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from solvers.errors import OndeletteError
-from solvers.genetic.basis import basis_of
-from solvers.genetic.coordinates import Coordinates
 from solvers.genetic.fitness import Evaluation, Fitness
 from solvers.genetic.genome import Genome
 from solvers.genetic.history import History
-from solvers.genetic.model import ArrayModel
-from solvers.genetic.quadrature import QuadratureSimulator
+from solvers.genetic.islands import Islands
+from solvers.genetic.run import Order, Population, adapt, evolve, run
 from solvers.genetic.simulators import simulator_of
-from solvers.guess import Start
-from solvers.optimizers.cma_es import adapt_covariance
-from solvers.optimizers.genetic import ClassicOperators, Generation
+from solvers.genetic.stage import Stages
+from solvers.optimizers.genetic import Generation
 from solvers.progress import ProgressReport
 from solvers.session import Session
-from solvers.spec import GeneticMethod
 from solvers.status import SolveStatus
 
 Vector = NDArray[np.float64]
 
-# Sizes of the first moves, in genes: of a search from the guess, and from the answer of the stage before.
-_FIRST_SIGMA = 1.0
+# The size of the first moves, in genes, from the answer of the stage before.
 _NEXT_SIGMA = 0.3
 # Two runs that come this near to each other, relative to J, have found the same answer.
 _SAME = 1e-6
@@ -45,32 +41,30 @@ class Stopped(OndeletteError):
 
 @dataclass(frozen=True, eq=False)
 class Found:
-    """The best individual of a run: its genes (G,) and what they stand for."""
+    """The best individual of a run: its genes (G,) and what they stand for.
+
+    ``ended``: nobody has stopped the run; ``population``: its last one, where the next stage goes on with it.
+    """
 
     genome: Genome
     genes: Vector
     fitness: float = np.inf
-
-
-@dataclass(frozen=True)
-class _Stage:
-    """The genes of a basis, how they are judged, and which of them move."""
-
-    genome: Genome
-    fitness: Fitness
-    coordinates: Coordinates
+    ended: bool = False
+    population: Population | None = None
 
 
 @dataclass
 class Search:
-    """A search as it runs; ``runs`` are the best individuals of independent runs.
+    """A search as it runs; ``runs`` are the best individuals of independent runs from the guess.
 
-    ``deadline`` (of ``time.monotonic()``) ends it; ``share``: the part of all work that it is.
+    ``starts``: so many runs at least; ``islands``, where runs are done side by side, gives their processes.
+    ``deadline`` (of ``time.monotonic()``) ends the search; ``share``: the part of all work that it is.
     """
 
     session: Session
-    method: GeneticMethod
-    start: Start
+    stages: Stages
+    starts: int
+    islands: Callable[[], Islands] | None
     deadline: float
     share: float
     history: History = field(default_factory=History)
@@ -78,7 +72,7 @@ class Search:
     stopped: SolveStatus | None = None
 
     def __post_init__(self) -> None:
-        self.model = ArrayModel(self.session.problem)
+        self.model, self.method = self.stages.model, self.stages.method
         self._next_report = 0.0
 
     @property
@@ -86,100 +80,106 @@ class Search:
         """The best of all runs; a run that went on with finer functions is."""
         return min(self.runs, key=lambda run: (-run.genome.basis.levels, run.fitness))
 
+    @property
+    def budget(self) -> int:
+        """All generations that there may be."""
+        return self.method.budget(self.starts)
+
     def run(self) -> None:
         """Search; a search that is stopped keeps what it has. Raises what the session's progress raises."""
         try:
-            if self.method.variant == "classic":
-                self._classic()
+            self._stage = self.stages.at(0, self._pause)
+            if self.islands is None:
+                self._one_by_one()
             else:
-                self._modern()
+                self._side_by_side(self.islands())
+            self._run = self.runs.index(self.best)
+            for levels in range(1, self.method.wavelet_levels + 1):
+                self._refine(levels)
         except Stopped as stop:
             self.stopped = stop.status
 
     def judged(self, run: Found) -> Evaluation:
         """Objective, residual and violation of the best individual of a run, (1,) each."""
-        simulator = simulator_of(self.model, run.genome)
+        stage = self._stage.fitness
+        simulator = stage.simulator if run.genome is stage.genome else simulator_of(self.model, run.genome)
         return Fitness(self.model, run.genome, simulator, self.method.penalty).evaluate(run.genes[None, :])
 
-    def _classic(self) -> None:
-        method = self.method
-        random = np.random.default_rng(method.seed)
-        operators = ClassicOperators(
-            method.crossover_probability, method.mutation_probability, method.mutation_sigma, method.elite
-        )
-        self._enter(0)
-        first = self._stage.genome.first()
-        self._begin_run(first)
-        genes = first + _FIRST_SIGMA * random.standard_normal((method.population, first.size))
-        for levels in range(method.wavelet_levels + 1):
-            if levels:
-                genes = self._refine(levels, genes)
-            generations = method.refine_generations if levels else method.generations
-            genes = operators.evolve(self._stage.fitness, genes, generations, random, self._watch).genes
+    def _allowed(self, number: int) -> int:
+        """How many generations a run may take after those that have ended; 0 where none is wanted any more.
 
-    def _modern(self) -> None:
-        """Runs from the guess until the best is found twice or no generations are left; then finer functions.
-
-        Generations that the first stage leaves are there for the next ones.
+        By the operators of the paper there are as many runs as starts; else the best has to be found twice,
+        or no generations are left.
         """
-        method = self.method
-        seeds = np.random.SeedSequence(method.seed)
-        self._enter(0)
-        first = self._stage.genome.first()
-        while self.history.generations < method.generations and not self._found_twice():
-            self._begin_run(first)
-            self._adapt(first, _FIRST_SIGMA, method.generations - self.history.generations, seeds)
-        self._run = self.runs.index(self.best)
-        for levels in range(1, method.wavelet_levels + 1):
-            self._refine(levels, self.best.genes[None, :])
-            stages_left = method.wavelet_levels + 1 - levels
-            left = (method.budget - self.history.generations) // stages_left
-            self._adapt(self.best.genes, _NEXT_SIGMA, left, seeds)
+        if self.method.variant == "classic":
+            return self.method.generations if number < self.starts else 0
+        if len(self.runs) >= self.starts and self._found_twice():
+            return 0
+        generations = self.method.generations
+        return max(0, min(generations, self.starts * generations - self.history.generations))
 
     def _found_twice(self) -> bool:
         reached = sorted(run.fitness for run in self.runs)
         return len(reached) > 1 and reached[1] - reached[0] <= _SAME * abs(reached[0])
 
-    def _adapt(self, mean: Vector, sigma: float, generations: int, seeds: np.random.SeedSequence) -> None:
-        stage, coordinates = self._stage, self._stage.coordinates
-        seed = int(seeds.spawn(1)[0].generate_state(1)[0])
-        if coordinates.size == 0:  # the end conditions leave nothing to choose
-            self._watch(Generation(coordinates.origin[None, :], stage.fitness(coordinates.origin[None, :])))
-            return
-        adapt_covariance(
-            lambda moved: stage.fitness(coordinates.genes(moved)),
-            coordinates.of(mean),
-            sigma,
-            self.method.population,
-            generations,
-            seed,
-            lambda now: self._watch(Generation(coordinates.genes(now.genes), now.fitness)),
-        )
+    def _one_by_one(self) -> None:
+        genome = self._stage.genome
+        while generations := self._allowed(len(self.runs)):
+            self._run = len(self.runs)
+            self.runs.append(Found(genome, genome.first()))
+            population = run(self._stage, self.method, Order(self._run, generations), self._watch)
+            self.runs[self._run] = replace(self.runs[self._run], ended=True, population=population)
 
-    def _begin_run(self, genes: Vector) -> None:
-        self.runs.append(Found(self._stage.genome, genes))
-        self._run = len(self.runs) - 1
+    def _side_by_side(self, islands: Islands) -> None:
+        """The same runs with the same answers; those that turn out not to be wanted are dropped."""
+        with islands:
+            try:
+                while self._allowed(number := len(self.runs)):
+                    while islands.idle and (generations := self._allowed(len(islands.records))):
+                        islands.order(Order(len(islands.records), generations))
+                    islands.listen()
+                    if islands.records[number].ended:
+                        self._take(islands, number)
+                    self._pause()
+                    self._report_islands(islands)
+            except Stopped:
+                for number in range(len(self.runs), len(islands.records)):
+                    if self._allowed(number):
+                        self._take(islands, number)
+                raise
 
-    def _enter(self, levels: int) -> None:
-        """Begin the stage with so many levels of wavelets."""
-        method, session = self.method, self.session
-        basis = replace(basis_of(method), levels=levels)
-        genome = Genome(session.problem, session.scaling, basis, self.start)
-        simulator = simulator_of(self.model, genome)
-        coordinates = Coordinates.all(genome.size)
-        if method.eliminates and isinstance(simulator, QuadratureSimulator):
-            coordinates = Coordinates.on(*genome.end_equations(simulator))
-        fitness = Fitness(self.model, genome, simulator, method.penalty, self._pause)
-        self._stage = _Stage(genome, fitness, coordinates)
+    def _take(self, islands: Islands, number: int) -> None:
+        """Take over what an island has told of a run, as far as it may go."""
+        record, genome = islands.records[number], self._stage.genome
+        fitness = record.fitness
+        if self.method.variant == "modern":  # it may have begun when more generations were left
+            fitness = fitness[: self._allowed(number)]
+        genes, best = record.best(len(fitness)) or (genome.first(), np.inf)
+        self.runs.append(Found(genome, genes, best, record.ended, record.population))
+        for value in fitness:
+            self.history.add(value)
 
-    def _refine(self, levels: int, genes: Vector) -> Vector:
-        """Begin the next stage; the same individuals with the genes of its wavelets, at zero."""
-        coarse, run = self._stage.genome, self.runs[self._run]
-        self._enter(levels)
+    def _refine(self, levels: int) -> None:
+        """The next stage: the best individuals with the genes of its wavelets, which start at zero.
+
+        Generations that earlier stages have left are there for the next ones.
+        """
+        method, coarse, found = self.method, self._stage.genome, self.runs[self._run]
+        self._stage = self.stages.at(levels, self._pause)
         stage = self._stage
-        best = coarse.extended(run.genes[None, :], stage.genome)
-        self.runs[self._run] = Found(stage.genome, best[0], float(stage.fitness(best)[0]))
-        return coarse.extended(genes, stage.genome)
+        genes = coarse.extended(found.genes[None, :], stage.genome)
+        self.runs[self._run] = Found(stage.genome, genes[0], float(stage.fitness(genes)[0]))
+        if found.population is not None:
+            population = replace(
+                found.population, genes=coarse.extended(found.population.genes, stage.genome)
+            )
+            population = evolve(stage, method, population, method.refine_generations, self._watch)
+            self.runs[self._run] = replace(self.runs[self._run], ended=True, population=population)
+            return
+        left = (self.budget - self.history.generations) // (method.wavelet_levels + 1 - levels)
+        order = Order(len(self.runs) + levels - 1, left)
+        adapt(stage, method, order, genes[0], _NEXT_SIGMA, self._watch)
+        self.runs[self._run] = replace(self.runs[self._run], ended=True)
 
     def _pause(self) -> None:
         if self.session.progress.cancelled():
@@ -194,23 +194,34 @@ class Search:
         if fitness < run.fitness:
             self.runs[self._run] = replace(run, genes=generation.genes[index].copy(), fitness=fitness)
         self.history.add(fitness)
-        now = time.monotonic()
-        if now >= self._next_report:
-            self._next_report = now + _REPORT_EVERY
-            self._report(generation)
+        if self._due():
+            self._report(self.history.generations, self.runs[self._run].genes, generation.diversity)
 
-    def _report(self, generation: Generation) -> None:
+    def _report_islands(self, islands: Islands) -> None:
+        """Tell of the run that is to be taken next."""
+        record = islands.records.get(len(self.runs))
+        if record is not None and record.better and self._due():
+            generations = self.history.generations + len(record.fitness)
+            self._report(generations, record.better[-1][1], record.diversity)
+
+    def _due(self) -> bool:
+        now = time.monotonic()
+        if now < self._next_report:
+            return False
+        self._next_report = now + _REPORT_EVERY
+        return True
+
+    def _report(self, generations: int, genes: Vector, diversity: float) -> None:
         levels = self.method.wavelet_levels
         stage = f" level {self._stage.genome.basis.levels + 1} of {levels + 1}" if levels else ""
-        found = self._stage.fitness.evaluate(self.runs[self._run].genes[None, :])
-        done = min(1.0, self.history.generations / self.method.budget)
+        found = self._stage.fitness.evaluate(genes[None, :])
         self.session.progress.report(
             ProgressReport(
                 f"search{stage}",
-                self.history.generations,
+                generations,
                 float(found.objective[0]),
                 float(found.residual[0]),
-                self.share * done,
-                diversity=generation.diversity,
+                self.share * min(1.0, generations / self.budget),
+                diversity=diversity,
             )
         )

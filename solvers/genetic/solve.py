@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import os
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -14,9 +15,10 @@ from solvers.certificate import hamiltonian_drift
 from solvers.diagnosis import diagnose, sentence
 from solvers.first_answer import first_answers
 from solvers.genetic.answer import Simulation, end_error, fly, polish, scale_of
+from solvers.genetic.islands import Islands
 from solvers.genetic.penalties import with_free_end
 from solvers.genetic.search import Search
-from solvers.guess import WarmStart
+from solvers.genetic.stage import Stages
 from solvers.improve import Improved, first_method, improve
 from solvers.judgement import judge, verified
 from solvers.meshes import meshes_of
@@ -71,7 +73,7 @@ def solve_by_genes(
     Raises what the progress of the session raises.
     """
     problem = session.problem
-    search = _searched(session, method, earlier)
+    search = _searched(spec, session, method, earlier)
     simulation = fly(search.model, search.best)
     session.convergence.append(
         {
@@ -116,21 +118,42 @@ def solve_by_genes(
     )
 
 
-def _searched(session: Session, method: GeneticMethod, earlier: Trajectory | None) -> Search:
+def _searched(spec: JobSpec, session: Session, method: GeneticMethod, earlier: Trajectory | None) -> Search:
     """A search that has come to its end; where more follows, it leaves time for that."""
-    problem, guess = session.problem, session.problem.guess
-    start = guess if earlier is None else WarmStart(earlier, guess, problem.states, problem.controls)
     started, now = time.perf_counter(), time.monotonic()
     left = session.limits.deadline - now
-    search = (
-        Search(session, method, start, now + _SEARCH_TIME * left, _SEARCHED)
-        if method.goes_on
-        else Search(session, method, start, now + left, 1.0)
+    search = Search(
+        session,
+        Stages.of(session.problem, session.scaling, method, earlier),
+        spec.options.starts,
+        _islands(spec, method, earlier),
+        now + (_SEARCH_TIME * left if method.goes_on else left),
+        _SEARCHED if method.goes_on else 1.0,
     )
     search.run()
     session.iterations += search.history.generations
     session.seconds["solve"] += time.perf_counter() - started
     return search
+
+
+def cores() -> int:
+    """How many cores this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+def _islands(
+    spec: JobSpec, method: GeneticMethod, earlier: Trajectory | None
+) -> Callable[[], Islands] | None:
+    """What makes the processes of the runs; None where one after the other is as good.
+
+    There are never more than runs or cores: with whatever number the answer is the same.
+    """
+    count = min(method.processes, cores())
+    if method.variant == "classic":
+        count = min(count, spec.options.starts)
+    if count < 2:
+        return None
+    return lambda: Islands(spec.resolved().document, earlier, count)
 
 
 def _finished(
@@ -218,6 +241,7 @@ def _warnings(search: Search, answer: _Answer) -> list[dict[str, str]]:
 
 def _runs(search: Search) -> list[dict[str, Any]]:
     best = search.best
+    cut_short = SolveStatus.CONVERGED if search.stopped is None else search.stopped
     reports = []
     for run in search.runs:
         found = search.judged(run)
@@ -225,12 +249,10 @@ def _runs(search: Search) -> list[dict[str, Any]]:
             {
                 "objective": float(found.objective[0]),
                 "final_time": float(run.genome.read(run.genes[None, :]).tf[0]),
-                "status": SolveStatus.CONVERGED.value,
+                "status": (SolveStatus.CONVERGED if run.ended else cut_short).value,
                 "kept": run is best,
             }
         )
-    if search.stopped is not None:
-        reports[-1]["status"] = search.stopped.value
     return reports
 
 

@@ -10,8 +10,9 @@ options.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,6 +23,9 @@ Fitness = Callable[[Vector], Vector]
 Watch = Callable[["Generation"], None]
 """Told every generation; may raise to stop."""
 
+# What chance decides is drawn for several generations together, up to so many genes.
+_DRAWN_TOGETHER = 1 << 16
+
 
 @dataclass(frozen=True)
 class Generation:
@@ -30,7 +34,7 @@ class Generation:
     genes: Vector
     fitness: Vector
 
-    @property
+    @cached_property
     def best(self) -> int:
         """The index of the best individual."""
         return int(np.argmin(self.fitness))
@@ -39,6 +43,27 @@ class Generation:
     def diversity(self) -> float:
         """The root mean square of how far genes are from their mean."""
         return float(np.sqrt(np.mean(np.var(self.genes, axis=0))))
+
+
+@dataclass(frozen=True)
+class Draw:
+    """What chance decides in one generation of P individuals with G genes.
+
+    ``turns`` (P,) of the wheel, in [0, 1); ``sources`` (P, G): which of the genes that were selected, counted
+    row by row, a gene comes from; ``moves`` (P, G) by mutation.
+    """
+
+    turns: Vector
+    sources: NDArray[np.int64]
+    moves: Vector
+
+    def children(self, parents: Generation) -> Vector:
+        """Selected, crossed and mutated genes."""
+        wheel = np.cumsum(chances(parents.fitness))
+        selected = parents.genes[wheel.searchsorted(self.turns * wheel[-1], side="right")]
+        children: Vector = selected.take(self.sources)
+        children += self.moves
+        return children
 
 
 @dataclass(frozen=True)
@@ -59,26 +84,28 @@ class ClassicOperators:
         """
         now = Generation(genes, fitness(genes))
         watch(now)
+        draws = self.draws(genes.shape[0], genes.shape[1], random)
         for _ in range(generations):
-            children = self.children(now, random)
+            children = next(draws).children(now)
             now = self._with_elite(now, Generation(children, fitness(children)))
             watch(now)
         return now
 
-    def children(self, parents: Generation, random: np.random.Generator) -> Vector:
-        """Selected, crossed and mutated genes."""
-        count, size = parents.genes.shape
-        wheel = np.cumsum(chances(parents.fitness))
-        drawn = np.searchsorted(wheel, random.random(count) * wheel[-1], side="right")
-        genes: Vector = parents.genes[drawn]
-        pairs = genes[: count - count % 2].reshape(-1, 2, size)
-        crossed = random.random(len(pairs)) < self.crossover_probability
-        places = np.where(crossed, random.integers(1, max(size, 2), len(pairs)), size)
-        tails = np.arange(size) >= places[:, None]
-        pairs[:] = np.where(tails[:, None, :], pairs[:, ::-1], pairs)
-        mutated = np.flatnonzero(random.random(genes.size) < self.mutation_probability)
-        genes.ravel()[mutated] += self.mutation_sigma * random.standard_normal(mutated.size)
-        return genes
+    def draws(self, count: int, size: int, random: np.random.Generator) -> Iterator[Draw]:
+        """What chance decides for ``count`` individuals of ``size`` genes, generation after generation."""
+        together = max(1, _DRAWN_TOGETHER // (count * size))
+        rows = np.arange(count)
+        while True:
+            turns = random.random((together, count))
+            crossed = random.random((together, count // 2)) < self.crossover_probability
+            places = np.where(crossed, random.integers(1, max(size, 2), crossed.shape), size)
+            exchanged = np.zeros((together, count, size), bool)
+            exchanged[:, : count - count % 2] = np.repeat(np.arange(size) >= places[:, :, None], 2, axis=1)
+            partners = np.where(exchanged, (rows ^ 1)[:, None], rows[:, None])
+            mutated = np.flatnonzero(random.random(partners.size) < self.mutation_probability)
+            moves = np.zeros(partners.shape)
+            moves.ravel()[mutated] = self.mutation_sigma * random.standard_normal(mutated.size)
+            yield from map(Draw, turns, partners * size + np.arange(size), moves)
 
     def _with_elite(self, before: Generation, now: Generation) -> Generation:
         """The elite of the generation before in place of the worst; in the arrays of this one."""

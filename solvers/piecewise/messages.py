@@ -7,8 +7,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from solvers.piecewise.reference import Reference
-
 
 @dataclass(frozen=True)
 class First:
@@ -25,12 +23,4 @@ class Follow:
     true_start: NDArray[np.float64]
 
 
-@dataclass(frozen=True)
-class Failure:
-    """The prediction could not be made at all: an error of ours."""
-
-    detail: str
-
-
 Request = First | Follow
-Answer = Reference | Failure

@@ -68,7 +68,7 @@ def fly_mission(
 ) -> Mission:
     """Predict and track until the end, the stop, or until nobody waits or the time is over.
 
-    The first prediction has been asked for. ``deadline`` is of ``time.monotonic()``. Raises PredictorError.
+    The first prediction has been asked for. ``deadline`` is of ``time.monotonic()``. Raises CompanionError.
     """
     mission = Mission()
 

@@ -19,7 +19,7 @@ from solvers.spec import JobSpec
 def solve_piecewise(spec: JobSpec, progress: Progress, seconds: float) -> Solution:
     """Predict in a process of its own, track in this one, for at most ``seconds``.
 
-    Raises PredictorError where that process cannot work, and what ``progress`` raises.
+    Raises CompanionError where that process cannot work, and what ``progress`` raises.
     """
     started = time.perf_counter()
     deadline = time.monotonic() + seconds

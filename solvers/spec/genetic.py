@@ -51,6 +51,8 @@ class GeneticMethod(MethodModel):
     """What the square of the end error costs, lambda; also those of bounds and path constraints."""
     seed: Annotated[int, Count(0, 2**32 - 1, "as a seed")] = 0
     """Where random numbers start: the same seed gives the same answer on the same machine."""
+    processes: Annotated[int, Count(1, 64, "processes")] = 1
+    """Independent runs side by side, each in a process inside of the job; the answer is the same."""
     variant: Annotated[Literal["modern", "classic"], Choice(("modern", "classic"))] = "modern"
     """Covariance matrix adaptation with restarts, or the operators of the paper."""
     polish: Annotated[Literal["exact", "penalty", False], Choice(("exact", "penalty"), (False,))] = "exact"
@@ -81,10 +83,16 @@ class GeneticMethod(MethodModel):
         units = self.scaling_functions - (0 if self.periodic else 2 * self.order - 2)
         return self.scaling_functions + units * ((1 << self.wavelet_levels) - 1)
 
-    @property
-    def budget(self) -> int:
-        """All generations."""
-        return self.generations + self.wavelet_levels * self.refine_generations
+    def budget(self, starts: int = 1) -> int:
+        """All generations, where so many runs may start from the guess."""
+        return starts * self.generations + self.wavelet_levels * self.refine_generations
+
+    def excess(self, starts: int = 1) -> str:
+        """What is wrong with so many evaluations; nothing where they are allowed."""
+        evaluations = self.population * self.budget(starts)
+        if evaluations <= MAX_EVALUATIONS:
+            return ""
+        return f"limit: {evaluations:,} evaluations, at most {MAX_EVALUATIONS:,} are allowed"
 
     @property
     def goes_on(self) -> bool:
@@ -119,8 +127,6 @@ class GeneticMethod(MethodModel):
         if self.elite > self.population:
             detail = f"at most the population of {self.population}, not {self.elite}"
             raise refuse(detail, "elite")
-        evaluations = self.population * self.budget
-        if evaluations > MAX_EVALUATIONS:
-            detail = f"limit: {evaluations:,} evaluations, at most {MAX_EVALUATIONS:,} are allowed"
+        if detail := self.excess():
             raise refuse(detail, "generations", type="limit")
         return self

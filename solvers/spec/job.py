@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, Self
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from solvers.spec.base import SpecModel
 from solvers.spec.command import CommandSpec
 from solvers.spec.faults import Flaws, kind_of, refuse
 from solvers.spec.fields import Check, Count, Flag, FreeObject, Real, Text
+from solvers.spec.genetic import GeneticMethod
 from solvers.spec.methods import AutoMethod, Method
 from solvers.spec.problem import ProblemSpec
 from solvers.spec.resolution import Resolution, resolve
@@ -147,6 +148,12 @@ class JobSpec(SpecModel):
     """Seconds from submission, after which nobody waits for the answer: the job ends as time_limit."""
     webhook: Webhook | None = None
     """Whom to tell when the job has ended."""
+
+    @model_validator(mode="after")
+    def _starts_are_affordable(self) -> Self:
+        if isinstance(self.method, GeneticMethod) and (detail := self.method.excess(self.options.starts)):
+            raise refuse(detail, "options", "starts", type="limit")
+        return self
 
     def verification_tolerances(self) -> dict[str, float]:
         """Return every tolerance of the verification, the method's own where the document gives none."""

@@ -17,12 +17,13 @@ import numpy as np
 import pytest
 
 from solvers.bundle import BundleError, pack, unpack
+from solvers.companion import CompanionError
 from solvers.export import to_csv
 from solvers.piecewise.messages import First
 from solvers.piecewise.mission import Mission, fly_mission
 from solvers.piecewise.plant import Plant
 from solvers.piecewise.plant_flight import CompiledPlant
-from solvers.piecewise.remote import LocalPredictor, PredictorError, RemotePredictor
+from solvers.piecewise.remote import LocalPredictor, RemotePredictor
 from solvers.piecewise.setup import Setup
 from solvers.plot import render
 from solvers.progress import ProgressReport, SilentProgress
@@ -246,12 +247,12 @@ def test_the_predictor_ends_with_the_mission() -> None:
 def test_a_predictor_that_was_killed_is_told() -> None:
     with RemotePredictor(check_document(PENDULUM).resolved().document) as predictor:
         os.kill(predictor.pid, signal.SIGKILL)
-        with pytest.raises(PredictorError, match="has ended"):
+        with pytest.raises(CompanionError, match="has ended"):
             predictor.take(lambda: None)
 
 
 def test_an_error_of_the_predictor_is_raised_here() -> None:
-    with RemotePredictor({"problem": "none"}) as predictor, pytest.raises(PredictorError, match="Document"):
+    with RemotePredictor({"problem": "none"}) as predictor, pytest.raises(CompanionError, match="Document"):
         predictor.take(lambda: None)
 
 

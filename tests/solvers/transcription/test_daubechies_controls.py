@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import runpy
 import time
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -22,15 +24,7 @@ from solvers.spec import check_document
 from solvers.trajectory import Trajectory
 from solvers.transcription.daubechies_controls import DaubechiesControls
 
-# Least energies with exact ends: 15 functions (scaling functions only) and 30 (wavelets superimposed).
-OPTIMA = {
-    ("1", 0): 4.443955080,
-    ("1", 1): 4.443590181,
-    ("2", 0): 10.205104621,
-    ("2", 1): 9.712634736,
-    ("2neg", 0): 8.742991676,
-    ("2neg", 1): 8.387193006,
-}
+OPTIMA = runpy.run_path(str(Path(__file__).parents[3] / "benchmarks" / "solar_array_optima.py"))["EXACT"]
 
 
 def solved(document: dict[str, Any], basis: DaubechiesBasis, level: int) -> Solved:
