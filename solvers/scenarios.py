@@ -71,25 +71,31 @@ class Plant:
 
 @dataclass(frozen=True)
 class Formulation:
-    """What is solved for a document: the problem of all plants, and the plants, the leading one first."""
+    """What is solved for a document: the problem of all plants, and the plants, the leading one first.
+
+    ``simulated``: the same problem without slacks, for methods that fly expressions as they are.
+    """
 
     problem: OptimalControlProblem
+    simulated: OptimalControlProblem
     plants: tuple[Plant, ...]
     implied: tuple[str, ...] = ()
     """States whose ends follow from the others, and are held a little less tightly."""
 
-    @property
-    def warnings(self) -> list[dict[str, str]]:
-        """What was not held exactly, and why; where the objective has corners that no slack takes away."""
+    def warnings(self, solved: OptimalControlProblem) -> list[dict[str, str]]:
+        """What was not held exactly, and why; where the objective has corners that no slack takes away.
+
+        ``solved``: the problem of the two that gradients were taken of.
+        """
         found = [
             {
                 "code": "nonsmooth",
                 "pointer": pointer,
                 "detail": f"'{text}' keeps its corners; the optimizer expects smooth functions.",
             }
-            for pointer, text in corners(self.problem)
+            for pointer, text in corners(solved)
         ]
-        found += corner_warnings(self.problem)
+        found += corner_warnings(solved)
         if not self.implied:
             return found
         detail = (
@@ -106,7 +112,8 @@ def formulate(spec: ProblemSpec, tolerance: float = 0.0) -> Formulation:
     """
     if spec.scenarios is None:
         problem = OptimalControlProblem.from_spec(spec)
-        return Formulation(lifted(with_peak(problem)), (Plant("", problem),))
+        whole = with_peak(problem)
+        return Formulation(lifted(whole), whole, (Plant("", problem),))
     cases = [(case.name, _case_of(spec, case)) for case in spec.scenarios.cases]
     if spec.scenarios.nominal:
         cases.insert(0, (NOMINAL, spec))
@@ -119,7 +126,7 @@ def formulate(spec: ProblemSpec, tolerance: float = 0.0) -> Formulation:
     plants = tuple(Plant(part.name, part.alone, part.names) for part in parts)
     whole = _together(parts, spec.scenarios.choice)
     problem, implied = relaxed_ends(whole, [part.problem.states for part in parts], tolerance)
-    return Formulation(lifted(problem), plants, tuple(implied))
+    return Formulation(lifted(problem), problem, plants, tuple(implied))
 
 
 def _case_of(spec: ProblemSpec, case: ScenarioSpec) -> ProblemSpec:

@@ -67,8 +67,14 @@ def _mesh_size(spec: JobSpec) -> ProblemSize:
     if spec.problem.phases:
         return _flight_size(phased_problem(spec.problem), spec.method)
     formulation = formulate(spec.problem, spec.verification_tolerances()["terminal_error"])
-    plain = isinstance(spec.method, GeneticMethod | PiecewiseMethod)
-    return _size_with(spec.method, formulation.plants[0].problem if plain else formulation.problem)
+    match spec.method:
+        case PiecewiseMethod():
+            problem = formulation.plants[0].problem
+        case GeneticMethod():
+            problem = formulation.simulated
+        case _:
+            problem = formulation.problem
+    return _size_with(spec.method, problem)
 
 
 def _flight_size(problem: PhasedProblem, method: Method) -> ProblemSize:

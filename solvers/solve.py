@@ -63,13 +63,12 @@ def solve(
     started = time.perf_counter()
     formulation = formulate(spec.problem, spec.verification_tolerances()["terminal_error"])
     seconds = min(spec.options.max_seconds, seconds)
-    # A genetic search flies the expressions as they are: it needs no slacks.
     genetic = isinstance(spec.method, GeneticMethod)
-    problem = formulation.plants[0].problem if genetic else formulation.problem
+    problem = formulation.simulated if genetic else formulation.problem
     session = _session(spec, problem, progress or SilentProgress(), seconds)
     session.seconds["build"] = time.perf_counter() - started
     if isinstance(spec.method, GeneticMethod):
-        solution = solve_by_genes(spec, session, spec.method, earlier)
+        solution = solve_by_genes(spec, session, spec.method, earlier, formulation)
         session.seconds["total"] = time.perf_counter() - started
         return solution
     method = first_method(spec.method)
@@ -125,7 +124,7 @@ def solve(
         sensitivity=slopes,
         convergence=session.convergence,
         starts=[start_report(item, item.trajectory.tf, kept=item is answers[0]) for item in answers],
-        warnings=[*formulation.warnings, *improved.warnings],
+        warnings=[*formulation.warnings(problem), *improved.warnings],
         plants=() if one_plant else plants,
         diagnosis=diagnosis,
         statistics=statistics_of(solved, session),

@@ -8,7 +8,7 @@ from functools import cached_property
 from typing import Any
 
 from solvers.arrays.graph import Graph, GraphBackend, Symbol
-from solvers.expressions import parse
+from solvers.expressions import named, parse
 from solvers.genetic.penalties import end_residuals, excess
 from solvers.problem import OptimalControlProblem
 from solvers.quantities import WHOLE_SPAN, Interval
@@ -67,7 +67,7 @@ class ArrayModel:
         problem = self.problem
         names = (*problem.states, *problem.controls)
         bounds = zip(names, (*problem.state_bounds, *problem.control_bounds), strict=True)
-        held = [(parse(name), interval, WHOLE_SPAN) for name, interval in bounds]
+        held = [(named(name), interval, WHOLE_SPAN) for name, interval in bounds]
         held += [(item.expression, item.interval, item.during) for item in problem.path]
         total = self._graph.constant(0.0)
         for expression, interval, during in held:

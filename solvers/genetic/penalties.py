@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from solvers.expressions import Expression, combined, parse, positive_part, product, total
+from solvers.expressions import Expression, combined, named, parse, positive_part, product, total
 from solvers.problem import OptimalControlProblem
 from solvers.quantities import FREE, Interval
 
@@ -17,12 +17,12 @@ def end_residuals(problem: OptimalControlProblem) -> list[Expression]:
 
     Expressions of the ends: x - value for an equation, else how far x is beyond a bound.
     """
-    named = [*zip(problem.states, problem.final_state, strict=True)]
-    named += [*zip(problem.controls, problem.final_control, strict=True)]
-    bounds = [(parse(f"{name}_f"), interval) for name, interval in named]
+    final = [*zip(problem.states, problem.final_state, strict=True)]
+    final += [*zip(problem.controls, problem.final_control, strict=True)]
+    bounds = [(named(f"{name}_f"), interval) for name, interval in final]
     starts = zip(problem.controls, problem.initial_control, strict=True)
-    bounds += [(parse(f"{name}_0"), interval) for name, interval in starts]
-    bounds += [(parse(item.name), item.interval) for item in problem.integrals]
+    bounds += [(named(f"{name}_0"), interval) for name, interval in starts]
+    bounds += [(named(item.name), item.interval) for item in problem.integrals]
     bounds += [(item.expression, item.interval) for item in problem.boundary]
     return [residual for expression, interval in bounds for residual in excess(expression, interval)]
 

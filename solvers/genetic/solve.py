@@ -25,8 +25,9 @@ from solvers.meshes import meshes_of
 from solvers.model_report import model_report
 from solvers.refine.residual import mesh_error_estimate
 from solvers.report import constraint_margins
+from solvers.scenarios import Formulation, Plant
 from solvers.session import Session
-from solvers.solution import Solution, Statistics
+from solvers.solution import PlantAnswer, Solution, Statistics
 from solvers.spec import AutoMethod, GeneticMethod, JobSpec, ProblemSpec
 from solvers.status import SolveStatus
 from solvers.switching import find_switching
@@ -66,11 +67,16 @@ class _Answer:
 
 
 def solve_by_genes(
-    spec: JobSpec, session: Session, method: GeneticMethod, earlier: Trajectory | None
+    spec: JobSpec,
+    session: Session,
+    method: GeneticMethod,
+    earlier: Trajectory | None,
+    formulation: Formulation,
 ) -> Solution:
     """Solve a checked document whose method is genetic, and verify the answer.
 
-    Raises what the progress of the session raises.
+    The problem of the session is the one that is simulated, of all plants at once. Raises what the progress
+    of the session raises.
     """
     problem = session.problem
     search = _searched(spec, session, method, earlier)
@@ -84,30 +90,42 @@ def solve_by_genes(
         }
     )
     answer = _finished(session, spec.problem, method, search, simulation)
-    trajectory, improved = answer.trajectory, answer.improved
-    residual = end_error(problem, trajectory, answer.integrals)
-    verification = _verified(spec, session, answer, residual)
+    improved = answer.improved
+    residual = end_error(problem, answer.trajectory, answer.integrals)
+    plants = [
+        PlantAnswer(plant, plant.trajectory(answer.trajectory), _flown(spec, session, method, answer, plant))
+        for plant in formulation.plants
+    ]
+    leading, trajectory = formulation.plants[0], plants[0].trajectory
+    verification = _certified(session, method, answer, plants[0].verification, residual)
+    plants[0] = replace(plants[0], verification=verification)
     sentences = _SENTENCES if method.ends_are_soft else {}
-    status, message = judge(spec, problem, trajectory, answer.status, verification, sentences)
+    status, message = judge(
+        spec, leading.problem, trajectory, answer.status, verification, sentences, others=plants[1:]
+    )
     warnings = [*_warnings(search, answer), *([] if improved is None else improved.warnings)]
+    costates = _no_costates(answer.trajectory) if answer.costates is None else answer.costates
     return Solution(
         spec=spec,
-        problem=problem,
+        problem=leading.problem,
         trajectory=trajectory,
-        costates=_no_costates(trajectory) if answer.costates is None else answer.costates,
+        costates=costates[leading.rows(answer.trajectory)],
         objective=answer.objective,
         status=status,
         message=" ".join([message, *sentence(answer.diagnosis), *(item["detail"] for item in warnings)]),
         method={**method.model_dump(exclude_none=True), **_summary(method, improved)},
         verification=verification,
-        model_report=model_report(problem, trajectory),
-        integrals=answer.integrals,
-        switching=find_switching(problem, trajectory) if improved is None else improved.switching(problem),
-        constraints=constraint_margins(problem, trajectory),
+        model_report=model_report(leading.problem, trajectory),
+        integrals=leading.integrals(problem, answer.integrals, verification.integrals),
+        switching=(
+            find_switching(problem, answer.trajectory) if improved is None else improved.switching(problem)
+        ),
+        constraints=constraint_margins(leading.problem, trajectory),
         convergence=session.convergence,
         diagnosis=answer.diagnosis,
         starts=_runs(search),
-        warnings=warnings,
+        warnings=[*(formulation.warnings(problem) if method.goes_on else ()), *warnings],
+        plants=() if spec.problem.scenarios is None else plants,
         statistics=_statistics(session, search, improved),
         extras={
             "energy": answer.objective,
@@ -196,14 +214,19 @@ def _reached(improved: Improved) -> _Answer:
     )
 
 
-def _verified(spec: JobSpec, session: Session, answer: _Answer, residual: float) -> Verification:
-    """The verification; soft ends are no conditions of the flight, but their error has a limit of its own."""
-    problem, method = session.problem, spec.method
-    assert isinstance(method, GeneticMethod)
-    if not method.ends_are_soft:
-        verification = verified(session, spec, answer.trajectory, answer.status)
-    else:
-        verification = verified(session, spec, answer.trajectory, answer.status, with_free_end(problem))
+def _flown(
+    spec: JobSpec, session: Session, method: GeneticMethod, answer: _Answer, plant: Plant
+) -> Verification:
+    """The flight of a plant; ends that are soft are no conditions of it."""
+    flown = with_free_end(plant.problem) if method.ends_are_soft else plant.problem
+    return verified(session, spec, plant.trajectory(answer.trajectory), answer.status, flown)
+
+
+def _certified(
+    session: Session, method: GeneticMethod, answer: _Answer, verification: Verification, residual: float
+) -> Verification:
+    """The verification of the leading plant, with what is known of the whole; soft ends have a limit too."""
+    if method.ends_are_soft:
         limit = verification.tolerances.terminal_error
         check = Check(
             "residual", residual / scale_of(answer.trajectory) if np.isfinite(residual) else None, limit
@@ -211,7 +234,7 @@ def _verified(spec: JobSpec, session: Session, answer: _Answer, residual: float)
         verification = replace(verification, checks=(check, *verification.checks))
     if answer.improved is None or answer.costates is None:
         return verification
-    estimate = mesh_error_estimate(problem, answer.trajectory)
+    estimate = mesh_error_estimate(session.problem, answer.trajectory)
     verification = replace(verification, mesh_error_estimate=estimate)
     if method.refine is None:  # a control that is held in a basis does not minimise the Hamiltonian
         return verification

@@ -32,14 +32,10 @@ def check_support(scope: Scope, flaws: Flaws) -> None:
         for place, what in not_refined(scope.problem):
             detail = f"unsupported: {what} with refine 'switching' is not in this version"
             flaws.add(detail, "problem", *place, type="unsupported")
-    if method.get("name") == "ga" and scope.problem.get("scenarios"):
-        detail = "unsupported: scenarios with the method ga are not in this version"
-        flaws.add(detail, "problem", "scenarios", type="unsupported")
-    peak = mapping(scope.problem.get("objective")).get("maximum")
-    if method.get("name") in ("ga", "piecewise") and peak is not None:
-        detail = "unsupported: a maximum objective with this method is not in this version"
-        flaws.add(detail, "problem", "objective", "maximum", type="unsupported")
     if method.get("name") == "piecewise":
+        if mapping(scope.problem.get("objective")).get("maximum") is not None:
+            detail = "unsupported: a maximum objective with this method is not in this version"
+            flaws.add(detail, "problem", "objective", "maximum", type="unsupported")
         for place, what in _not_flown(scope.document):
             detail = f"unsupported: {what} with the method piecewise is not in this version"
             flaws.add(detail, *place, type="unsupported")

@@ -16,7 +16,7 @@ from solvers.sizes import problem_size
 from solvers.solve import solve
 from solvers.spec import check_document
 from solvers.trajectory import Trajectory
-from tests.solvers.test_outputs import each_method, result_of
+from tests.solvers.test_outputs import METHODS, each_method, result_of
 
 # x' = a u from 0, (x_f - 1)^2 + integral of u^2: with u = U, (a U - 1)^2 + U^2.
 INTEGRATOR: dict[str, Any] = {
@@ -36,7 +36,14 @@ INTEGRATOR: dict[str, Any] = {
 }
 
 
-@each_method
+each_search = pytest.mark.parametrize(
+    "method",
+    [*METHODS, {"name": "ga", "generations": 60, "population": 20, "scaling_functions": 2}],
+    ids=lambda method: method["name"],
+)
+
+
+@each_search
 @pytest.mark.parametrize(
     ("choice", "control", "objective"),
     [
