@@ -299,7 +299,12 @@ class OptimalControlProblem:
     @property
     def named_at_the_ends(self) -> frozenset[str]:
         """Every name in a boundary constraint or the terminal cost."""
-        return names_of(at_the_ends(self.boundary, self.terminal_cost))
+        return names_of(self.at_the_ends)
+
+    @property
+    def at_the_ends(self) -> list[Expression]:
+        """What is evaluated at the ends."""
+        return at_the_ends(self.boundary, self.terminal_cost)
 
 
 def at_the_ends(boundary: Sequence[Constraint], terminal_cost: Expression | None) -> list[Expression]:

@@ -14,7 +14,7 @@ from solvers.symbolic import CASADI
 def add_ends(layout: Layout) -> None:
     """Boundary constraints, which hold only where the horizon is the end, and the terminal cost."""
     problem, builder = layout.model.problem, layout.builder
-    if problem.terminal_cost is None and not problem.boundary:
+    if not problem.at_the_ends:
         return
     function = _function(layout)
     outside = len(layout.model.exogenous)
@@ -65,8 +65,5 @@ def _function(layout: Layout) -> ca.Function:
         problem.parameters,
         CASADI,
     )
-    expressions = [item.expression for item in problem.boundary]
-    if problem.terminal_cost is not None:
-        expressions.append(problem.terminal_cost)
-    values = [ca.SX(expression.evaluate(scope, CASADI.functions)) for expression in expressions]
+    values = [ca.SX(item.evaluate(scope, CASADI.functions)) for item in problem.at_the_ends]
     return ca.Function("ends", [z, p], [ca.vertcat(*values)])

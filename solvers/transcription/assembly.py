@@ -166,7 +166,7 @@ class Assembly(ABC):
     def add_ends(self) -> None:
         """Add the boundary constraints and the terminal cost."""
         problem = self.problem
-        if problem.terminal_cost is None and not problem.boundary:
+        if not problem.at_the_ends:
             return
         nodes = self.nodes()
         n, m = len(problem.states), len(problem.controls)
@@ -192,10 +192,7 @@ class Assembly(ABC):
             CASADI,
             scalar_parts[len(problem.design) :],
         )
-        expressions = [item.expression for item in problem.boundary]
-        if problem.terminal_cost is not None:
-            expressions.append(problem.terminal_cost)
-        values = [ca.SX(expression.evaluate(scope, CASADI.functions)) for expression in expressions]
+        values = [ca.SX(item.evaluate(scope, CASADI.functions)) for item in problem.at_the_ends]
         blocks = [rows[[side]] for side in (0, -1) for rows in (*nodes.states, *nodes.controls)]
         blocks += [row for name in ("design", "integrals", "times") for row in self.scalar_rows(name, 1)]
         function = ca.Function("ends", [z, p], [ca.vertcat(*values)])
