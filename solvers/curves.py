@@ -154,29 +154,29 @@ class LagrangeCurve:
 
     def __call__(self, tau: Vector, derivative: int = 0) -> Vector:
         """See :class:`Curve`; at an inner break the segment on the right speaks."""
-        segment = np.clip(np.searchsorted(self.breaks, tau, side="right") - 1, 0, self.breaks.size - 2)
-        widths = np.diff(self.breaks)
-        local = 2.0 * (tau - self.breaks[segment]) / widths[segment] - 1.0
-        result = np.empty_like(tau)
-        groups, places = self._membership
-        group = groups[segment]
-        for index, alike in enumerate(self._alike):
-            here = np.flatnonzero(group == index)
-            own = places[segment[here]]
+        widths, result = np.diff(self.breaks), np.empty_like(tau)
+        located = _located if tau.size <= _LARGEST_KEPT else _located.__wrapped__
+        places = located(self.breaks.tobytes(), self._groups.tobytes(), tau.tobytes())
+        for alike, (here, own, local) in zip(self._alike, places, strict=True):
             if alike.constant:
                 result[here] = 0.0 if derivative else alike.values[own, 0]
                 continue
-            rows = _interpolation(alike.support, local[here])
+            rows = _interpolation(alike.support, local)
             result[here] = np.einsum("ij,ij->i", rows, alike.derivative(derivative, widths)[own])
         return result
 
+    @property
+    def rests(self) -> bool:
+        """Whether it is constant on every segment."""
+        return all(alike.constant for alike in self._alike)
+
     @cached_property
-    def _membership(self) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-        """For each segment, which group of alike ones it belongs to, and its place there."""
-        groups, places = np.zeros((2, len(self.supports)), np.intp)
+    def _groups(self) -> NDArray[np.intp]:
+        """For each segment, which group of alike ones it belongs to."""
+        groups = np.zeros(len(self.supports), np.intp)
         for index, alike in enumerate(self._alike):
-            groups[alike.segments], places[alike.segments] = index, np.arange(alike.segments.size)
-        return groups, places
+            groups[alike.segments] = index
+        return groups
 
     @cached_property
     def _alike(self) -> list[_Alike]:
@@ -188,11 +188,37 @@ class LagrangeCurve:
         ]
 
 
+def rests_between_breaks(curve: Curve) -> bool:
+    """Whether a curve is known to be constant between its breaks."""
+    if isinstance(curve, LagrangeCurve):
+        return curve.rests
+    return isinstance(curve, StepCurve)
+
+
 def _interpolation(support: Vector, local: Vector) -> Vector:
     """Rows from values at the support to those at local points: the same for all states of a trajectory."""
     if support.size * local.size > _LARGEST_KEPT:
         return lagrange_matrix(support, _weights(support.tobytes()), local)
     return _kept_interpolation(support.tobytes(), local.tobytes())
+
+
+@lru_cache(maxsize=16)
+def _located(
+    breaks: bytes, groups: bytes, tau: bytes
+) -> list[tuple[NDArray[np.intp], NDArray[np.intp], Vector]]:
+    """For each group of segments, which of the places are in it, their segments among its, and where there.
+
+    Kept, as for the interpolation: all states of a trajectory are asked at the same places.
+    """
+    edges, group, places = np.frombuffer(breaks), np.frombuffer(groups, np.intp), np.frombuffer(tau)
+    segment = np.clip(np.searchsorted(edges, places, side="right") - 1, 0, edges.size - 2)
+    local = 2.0 * (places - edges[segment]) / np.diff(edges)[segment] - 1.0
+    found = []
+    for index in range(group.max() + 1):
+        here = np.flatnonzero(group[segment] == index)
+        own = np.searchsorted(np.flatnonzero(group == index), segment[here])
+        found.append((here, own, local[here]))
+    return found
 
 
 @lru_cache(maxsize=16)

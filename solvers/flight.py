@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
 from solvers.arrays.rates import Rates
+from solvers.curves import rests_between_breaks
 from solvers.errors import OndeletteError
 from solvers.problem import OptimalControlProblem
 from solvers.time_knots import flight_corners
@@ -32,6 +33,8 @@ INSIDE = np.array([0.25, 0.5, 0.75, 1.0])
 _NEWTON_STEPS = 12
 _NEWTON_DONE = 1e-7
 _SLOPES_KEPT_BELOW = 0.1
+# By how much of its scale a state is moved to see what that changes.
+_OFFSET = 1e-6
 # Most arcs are crossed in two steps; the first step that SciPy chooses by itself is far shorter.
 _FIRST_STEP = 0.5
 _SAMPLES_PER_ARC = 16
@@ -75,6 +78,7 @@ class ControlledModel:
         integrands = [problem.running_cost, *(item.expression for item in problem.integrals)]
         self._rates = Rates(problem, problem.parameters_of(trajectory), integrands)
         self.bounds = np.array(problem.control_bounds, np.float64).reshape(-1, 2)
+        self._rests = all(rests_between_breaks(curve) for curve in trajectory.controls.values())
         self.breakpoints = np.union1d(
             trajectory.breakpoints, np.append(self._crossings(), self._table_corners(problem))
         )
@@ -100,13 +104,17 @@ class ControlledModel:
         left, width = self.breakpoints[own], np.diff(self.breakpoints)[own]
         # Strictly inside: at a jump of the control, an end belongs to the arc and not to its neighbour.
         margin = 1e-12 * width
+        first, last = left + margin, left + width - margin
         duration = self._trajectory.duration * width[copies]
+        # A control that rests on every arc, as one that goes from bound to bound, is asked once.
+        resting = self.clipped(left + 0.5 * width)[:, copies] if self._rests else None
 
         def rate(s: float, flat: Vector) -> Vector:
             if time.monotonic() > self._deadline:
                 raise FlightError("the time for verification ran out")
-            tau = np.clip(left + s * width, left + margin, left + width - margin)
-            states, controls = flat.reshape(-1, count)[:n], self.clipped(tau)[:, copies]
+            tau = np.minimum(np.maximum(left + s * width, first), last)
+            states = flat.reshape(-1, count)[:n]
+            controls = self.clipped(tau)[:, copies] if resting is None else resting
             return (duration * self._rates(states, controls, self._trajectory.time(tau[copies]))).ravel()
 
         extra = self._integrals
@@ -134,22 +142,22 @@ class ControlledModel:
         return Arcs(values[:n, :, -1], values[:n], values[n:, :, -1])
 
     def linearised(self, starts: Vector) -> tuple[Vector, Arcs]:
-        """All arcs from ``starts`` (n, K), and d(end)/d(start) of each by differences, (K, n, n).
+        """All arcs from ``starts`` (n, K), and how their ends and integrals change with their starts.
 
-        Raises :class:`FlightError` as :meth:`integrate` does.
+        By differences, (K, n + 1 + i, n). Raises :class:`FlightError` as :meth:`integrate` does.
         """
         n, count = starts.shape
-        offset = 1e-6 * self._scale
+        offset = _OFFSET * self._scale
         bundle = np.concatenate([starts, *[starts + (offset * unit)[:, None] for unit in np.eye(n)]], axis=1)
         flown = self.integrate(bundle, np.tile(np.arange(count), n + 1))
-        ends = flown.ends.reshape(n, n + 1, count)
-        slopes = (ends[:, 1:] - ends[:, :1]) / offset[None, :, None]
-        own = Arcs(ends[:, 0], flown.inside[:, :count], flown.integrals[:, :count])
+        found = np.concatenate([flown.ends, flown.integrals]).reshape(-1, n + 1, count)
+        slopes = (found[:, 1:] - found[:, :1]) / offset[None, :, None]
+        own = Arcs(found[:n, 0], flown.inside[:, :count], found[n:, 0])
         return np.moveaxis(slopes, -1, 0), own
 
     def growth(self, slopes: Vector) -> float:
         """The largest factor by which a small error on the way grows until the end, in scaled states."""
-        scaled = slopes * (self._scale[None, None, :] / self._scale[None, :, None])
+        scaled = slopes[:, : self._scale.size] * (self._scale[None, None, :] / self._scale[None, :, None])
         product = np.eye(self._scale.size)
         growth = 1.0
         with np.errstate(over="ignore", invalid="ignore"):
@@ -161,10 +169,11 @@ class ControlledModel:
                 growth = max(growth, size)
         return growth
 
-    def fly(self, guess: Vector, slopes: Vector, arcs: Arcs) -> Flight:
+    def fly(self, guess: Vector, slopes: Vector, arcs: Arcs, growth: float | None = None) -> Flight:
         """The whole flight from ``guess[:, 0]``.
 
-        ``guess`` (n, K + 1) is near it at the breakpoints; ``slopes`` and ``arcs``: its :meth:`linearised`.
+        ``guess`` (n, K + 1) is near it at the breakpoints; ``slopes``, ``arcs``: its :meth:`linearised`,
+        ``growth``: that of these slopes; without ``growth``, they are those of another guess.
         Raises :class:`FlightError` as :meth:`integrate` does.
         """
         states = guess.copy()
@@ -175,6 +184,11 @@ class ControlledModel:
             if not np.isfinite(states).all():
                 break
             before, largest = largest, float(np.max(np.abs(step) / self._scale[:, None]))
+            if growth is not None and (largest + _OFFSET) * largest * growth < RTOL:
+                # What straight lines leave out is less than what the integrator does.
+                moved = np.column_stack([np.zeros(len(states)), step[:, :-1]])
+                change = np.einsum("kij,jk->i", slopes[:, len(states) :], moved)
+                return Flight(states, arcs.integrals.sum(axis=1) + change)
             if largest < _NEWTON_DONE:
                 # The next step would be smaller by as much again: one pass closes the gaps to rounding.
                 arcs = self.integrate(states[:, :-1], np.arange(self.arcs))
@@ -182,9 +196,10 @@ class ControlledModel:
                 return Flight(states, arcs.integrals.sum(axis=1))
             # Slopes cost n + 1 passes of the arcs: old ones will do as long as they make steps much smaller.
             if largest < _SLOPES_KEPT_BELOW * min(before, 1.0):
-                arcs = self.integrate(states[:, :-1], np.arange(self.arcs))
+                arcs, growth = self.integrate(states[:, :-1], np.arange(self.arcs)), None
             else:
                 slopes, arcs = self.linearised(states[:, :-1])
+                growth = self.growth(slopes)
         return self._march(guess[:, 0])
 
     def _march(self, start: Vector) -> Flight:
@@ -211,6 +226,8 @@ class ControlledModel:
                     limit = sign * bound + slack
                     outside = sign * values > limit
                     change = np.flatnonzero(outside[1:] != outside[:-1])
+                    if not change.size:
+                        continue
                     low, high, side = tau[change], tau[change + 1], outside[change]
                     for _ in range(_BISECTIONS):
                         middle = 0.5 * (low + high)
@@ -235,7 +252,7 @@ def _accumulate(slopes: Vector, gaps: Vector) -> Vector:
     steps = np.empty_like(gaps)
     step = np.zeros(gaps.shape[0])
     with np.errstate(over="ignore", invalid="ignore"):
-        for index, slope in enumerate(slopes):
+        for index, slope in enumerate(slopes[:, : step.size]):
             step = slope @ step + gaps[:, index]
             steps[:, index] = step
     return steps

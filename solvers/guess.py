@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, Protocol
@@ -178,9 +179,9 @@ def _sample(pieces: Sequence[tuple[Vector, Vector]], tau: Vector) -> Vector:
 
 def _middle(interval: Interval) -> float:
     lower, upper = interval
-    if np.isfinite(lower) and np.isfinite(upper):
+    if math.isfinite(lower) and math.isfinite(upper):
         return 0.5 * (lower + upper)
-    return float(np.clip(0.0, lower, upper))
+    return min(max(0.0, lower), upper)
 
 
 def default_final_time(interval: Interval, initial_time: float) -> float:
@@ -194,7 +195,7 @@ def default_final_time(interval: Interval, initial_time: float) -> float:
 
 
 def _line(start: Interval, stop: Interval, bounds: Interval) -> Vector:
-    ends = [_middle(end) if np.isfinite(end).any() else None for end in (start, stop)]
+    ends = [_middle(end) if any(map(math.isfinite, end)) else None for end in (start, stop)]
     known = [value for value in ends if value is not None]
     fallback = known[0] if known else _middle(bounds)
     return np.array([fallback if value is None else value for value in ends])

@@ -9,6 +9,7 @@ from typing import Any
 from solvers.meshes import adaptive_mesh_of
 from solvers.problem import OptimalControlProblem
 from solvers.refine.adaptive import Adapted, adapt
+from solvers.refine.residual import mesh_error_estimate
 from solvers.refine.switching import Refinement, is_refinable, refine_switching, resume_switching
 from solvers.session import Session, Solved
 from solvers.spec import Adaptivity, AutoMethod, Method, SplineAdaptivity, SplineWaveletMethod
@@ -52,6 +53,12 @@ class Improved:
                 {"code": "tolerance_not_reached", "pointer": "/method/adaptive", "detail": reason},
             ]
         return found
+
+    def mesh_error(self, problem: OptimalControlProblem) -> float | None:
+        """The largest relative error of a state on an arc, which a refined answer was already judged by."""
+        if self.refinement is not None and self.refinement.refined is not None:
+            return self.refinement.refined.error
+        return mesh_error_estimate(problem, self.solved.trajectory)
 
     def switching(self, problem: OptimalControlProblem) -> dict[str, Any]:
         """The ``switching`` of the result."""

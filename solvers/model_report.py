@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Hashable
+from dataclasses import dataclass, field
+from functools import lru_cache
 from typing import Any
 
 import casadi as ca
@@ -26,7 +29,7 @@ def model_report(problem: OptimalControlProblem, trajectory: Trajectory) -> dict
     M q'' + C q' + K q = 0; the frequencies are those without damping, each ratio is that of its own mode
     shape. Those of first order come as pairs of complex eigenvalues of df/dx.
     """
-    matrices = _linearised(problem)
+    matrices = _linearised(_Structure(problem.structure, problem))
     report = {}
     for end, tau in (("initial", 0.0), ("final", 1.0)):
         at = np.array([tau])
@@ -43,8 +46,18 @@ def model_report(problem: OptimalControlProblem, trajectory: Trajectory) -> dict
     return report
 
 
-def _linearised(problem: OptimalControlProblem) -> ca.Function:
+@dataclass(frozen=True)
+class _Structure:
+    """A problem that is the same as another where only numbers differ."""
+
+    key: Hashable
+    problem: OptimalControlProblem = field(compare=False)
+
+
+@lru_cache(maxsize=32)
+def _linearised(structure: _Structure) -> ca.Function:
     """(x, u, t, p) -> M, C, K of the equations of motion, or df/dx alone."""
+    problem = structure.problem
     names = [*problem.parameters, *(item.name for item in problem.design)]
     x, u = ca.SX.sym("x", len(problem.states)), ca.SX.sym("u", len(problem.controls))
     t, p = ca.SX.sym("t"), ca.SX.sym("p", len(names))

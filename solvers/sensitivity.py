@@ -7,7 +7,8 @@ to Sensitivity and Stability Analysis in Nonlinear Programming, 1983, theorem 3.
     dJ*/dy = d/dy [J(w; y) + lambda' (c(w; y) - b(y))].
 
 The Lagrangian is evaluated with the number a little larger, and for a parameter of the model a little smaller
-too; nothing is solved again.
+too: its bounds as they are then, its functions to first order in the numbers that enter them. Nothing is
+solved again.
 """
 
 from __future__ import annotations
@@ -99,34 +100,31 @@ def slopes(
 
 
 class _Lagrangian:
-    """The Lagrangian of a neighbouring problem at the answer of this one; ``here``: of this one."""
+    """The Lagrangian of a neighbouring problem at the answer of this one; ``here``: of this one.
+
+    To first order in the numbers of the program, with the derivatives that the optimizer has left.
+    """
 
     def __init__(self, transcription: Differentiable, outcome: Outcome) -> None:
         self._transcription, self._outcome = transcription, outcome
         own = transcription.program(outcome.unknowns)
-        self._numbers, self._values = own.numbers, own.values(outcome.unknowns)
+        self._numbers = own.numbers
+        self._objective, rows = own.values(outcome.unknowns)
+        self._held = np.concatenate([outcome.row_multipliers, outcome.bound_multipliers])
+        self._values = np.concatenate([rows, outcome.unknowns])
         self.here = self._of(own)
 
     def __call__(self, problem: Any) -> float:
         return self._of(self._transcription.of(problem).program(self._outcome.unknowns))
 
     def _of(self, program: NonlinearProgram) -> float:
-        unknowns = self._outcome.unknowns
-        objective, rows = self._evaluated(program)
-        for multipliers, values, lower, upper in (
-            (self._outcome.row_multipliers, rows, program.constraint_lower, program.constraint_upper),
-            (self._outcome.bound_multipliers, unknowns, program.lower, program.upper),
-        ):
-            active = np.where(multipliers > 0.0, upper, lower)
-            held = np.isfinite(active)
-            objective += float(multipliers[held] @ (values - active)[held])
-        return objective * self._transcription.objective_scale
-
-    def _evaluated(self, program: NonlinearProgram) -> tuple[float, Vector]:
-        """Objective and rows: those of the answer where only bounds are others."""
-        if np.array_equal(program.numbers, self._numbers):
-            return self._values
-        return program.values(self._outcome.unknowns)
+        change = float(self._outcome.number_slopes @ (program.numbers - self._numbers))
+        lower = np.concatenate([program.constraint_lower, program.lower])
+        upper = np.concatenate([program.constraint_upper, program.upper])
+        active = np.where(self._held > 0.0, upper, lower)
+        held = np.isfinite(active)
+        resisted = float(self._held[held] @ (self._values - active)[held])
+        return (self._objective + change + resisted) * self._transcription.objective_scale
 
 
 def numbers_of(

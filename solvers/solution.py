@@ -247,5 +247,8 @@ def finite(value: Any) -> Any:
     if isinstance(value, Mapping):
         return {key: finite(item) for key, item in value.items()}
     if isinstance(value, list | tuple):
+        # Most lists are the numbers of a history.
+        if all(type(item) is float for item in value) and all(map(math.isfinite, value)):
+            return [*value]
         return [finite(item) for item in value]
     return value

@@ -23,7 +23,6 @@ from solvers.phases.trajectory import AnyTrajectory, PhasedTrajectory
 from solvers.piecewise.solve import solve_piecewise
 from solvers.problem import OptimalControlProblem
 from solvers.progress import Progress, SilentProgress
-from solvers.refine.residual import mesh_error_estimate
 from solvers.report import constraint_margins
 from solvers.scaling import automatic_scaling
 from solvers.scenarios import formulate
@@ -95,7 +94,7 @@ def solve(
     verification = replace(
         plants[0].verification,
         hamiltonian_drift=hamiltonian_drift(solved.weighted_problem, solved.trajectory, costates),
-        mesh_error_estimate=mesh_error_estimate(problem, solved.trajectory),
+        mesh_error_estimate=improved.mesh_error(problem),
     )
     verification = improved.certified(verification)
     plants[0] = replace(plants[0], verification=verification)

@@ -237,9 +237,9 @@ def _fly(
         if begin is not None:
             # To first order the other begin moves the end of the first arc so.
             ends = arcs.ends.copy()
-            ends[:, 0] += slopes[0] @ (begin - promised[:, 0])
+            ends[:, 0] += slopes[0, : len(begin)] @ (begin - promised[:, 0])
             promised, arcs = np.column_stack([begin, promised[:, 1:]]), replace(arcs, ends=ends)
-        flight = model.fly(promised, slopes, arcs)
+        flight = model.fly(promised, slopes, arcs, evidence.growth if begin is None else None)
     except FlightError as error:
         return replace(evidence, note=f"The whole flight was not computed: {error}.")
     flown = flight.states[:, -1]

@@ -53,7 +53,8 @@ class Rates:
         n, count = self._size[0], times.size
         found = np.empty((sum(self._size), count))
         kernel = self._equations.at(count)
-        kernel.inputs[:] = given = np.vstack([states, controls, times])
+        given, width = kernel.inputs, n + len(controls)
+        given[:n], given[n:width], given[width] = states, controls, times
         with np.errstate(all="ignore"):
             kernel.run()
             accelerations, row = [], 0

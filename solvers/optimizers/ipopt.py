@@ -69,6 +69,7 @@ class Iterate:
 class Outcome:
     """Where it stopped: ``unknowns`` (n,), ``row_multipliers`` (m,), ``bound_multipliers`` (n,).
 
+    ``number_slopes``: the derivative of the Lagrangian with respect to the numbers of the program.
     ``iterates`` are the iterations that were watched, from the initial point to the last one, each with its
     objective and infeasibility.
     """
@@ -77,6 +78,7 @@ class Outcome:
     objective: float
     row_multipliers: Vector
     bound_multipliers: Vector
+    number_slopes: Vector
     status: SolveStatus
     solver_status: str
     iterations: int
@@ -171,6 +173,7 @@ class Ipopt:
             objective=objective,
             row_multipliers=solution["lam_g"].full().ravel(),
             bound_multipliers=solution["lam_x"].full().ravel(),
+            number_slopes=-solution["lam_p"].full().ravel(),
             status=watcher.stopped_by or _STATUS.get(solver_status, SolveStatus.DIVERGED),
             solver_status=solver_status,
             iterations=count,

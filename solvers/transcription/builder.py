@@ -230,9 +230,9 @@ class ProgramBuilder:
         upper = np.concatenate([pair[1].ravel() for pair in pairs])
         for held in self._held:
             below, above = _both(held.bounds, this, held.wanted.shape)
-            ends = np.sort([below[held.wanted] / held.entries, above[held.wanted] / held.entries], axis=0)
-            np.maximum.at(lower, held.unknowns, ends[0])
-            np.minimum.at(upper, held.unknowns, ends[1])
+            first, second = below[held.wanted] / held.entries, above[held.wanted] / held.entries
+            np.maximum.at(lower, held.unknowns, np.minimum(first, second))
+            np.minimum.at(upper, held.unknowns, np.maximum(first, second))
         return lower, upper
 
     @staticmethod
@@ -283,7 +283,14 @@ class ProgramBuilder:
 
 def _both(bounds: Intervals, this: Any, shape: tuple[int, ...]) -> tuple[Vector, Vector]:
     lower, upper = bounds(this)
-    return (
-        np.broadcast_to(np.asarray(lower, np.float64), shape),
-        np.broadcast_to(np.asarray(upper, np.float64), shape),
-    )
+    return _filled(lower, shape), _filled(upper, shape)
+
+
+def _filled(values: ArrayLike, shape: tuple[int, ...]) -> Vector:
+    """The values, repeated to this shape."""
+    given = np.asarray(values, np.float64)
+    if given.shape == shape:
+        return given
+    filled = np.empty(shape)
+    filled[...] = given
+    return filled

@@ -164,7 +164,9 @@ class MultiArc(GaussPseudospectral):
         twin = super().of(problem)
         bounds = zip(self.problem.control_bounds, problem.control_bounds, strict=True)
         twin.pinned = {
-            name: np.select([levels == own for own in before], list(after), levels)
+            name: levels
+            if before == after
+            else np.select([levels == own for own in before], list(after), levels)
             for (name, levels), (before, after) in zip(self.pinned.items(), bounds, strict=True)
         }
         twin.follows = tuple(replace(item, limit=item.limit.of(problem)) for item in self.follows)

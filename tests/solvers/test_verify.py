@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from solvers.curves import LagrangeCurve, LinearCurve
+from solvers.flight import ControlledModel
 from solvers.problem import OptimalControlProblem
 from solvers.solve import solve
 from solvers.spec import check_document
@@ -62,6 +63,23 @@ def test_the_exact_answer_passes_with_rounding_errors_only(problem: OptimalContr
     assert verification.max_state_error < 1e-11
     assert verification.max_bound_violation == 0.0
     assert verification.objective == pytest.approx(2.0, abs=1e-12)
+
+
+def test_a_flight_near_what_was_promised_is_as_exact_as_one_that_is_integrated_anew(
+    rigid_body: dict[str, Any],
+) -> None:
+    """The promised states are off by what slopes make good; the integral of x^2 is 1/20 + 43/60."""
+    rigid_body["problem"]["objective"] = {"running": "x^2"}
+    problem = OptimalControlProblem.from_spec(check_document(rigid_body).problem)
+    exact = rest_to_rest(problem)
+    model = ControlledModel(problem, exact, np.ones(2), np.inf)
+    promised = exact.states_at(model.breakpoints)
+    promised[:, 1:] += 3e-7
+    slopes, arcs = model.linearised(promised[:, :-1])
+    for growth in (model.growth(slopes), None):
+        flight = model.fly(promised, slopes, arcs, growth)
+        np.testing.assert_allclose(flight.states[:, -1], [1.0, 0.0], atol=2e-12)
+        np.testing.assert_allclose(flight.integrals, [46.0 / 60.0], atol=2e-12)
 
 
 def test_a_control_over_its_bound_is_clipped_and_reported(problem: OptimalControlProblem) -> None:
