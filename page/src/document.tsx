@@ -4,18 +4,18 @@ import { getJson, key } from "./api";
 import { useLoaded } from "./load";
 import { Copied, Section, Trouble } from "./parts";
 import { asCurl, asPython, pretty } from "./snippets";
-import type { Json } from "./types";
+import type { Job, Json } from "./types";
 
 const FORMS = {
   JSON: pretty,
-  curl: (document: Json) => asCurl(document, location.origin, Boolean(key.value)),
-  Python: (document: Json) => asPython(document, location.origin, Boolean(key.value)),
+  curl: (document: Json, flown: string | null) => asCurl(document, location.origin, Boolean(key.value), flown),
+  Python: (document: Json, flown: string | null) => asPython(document, location.origin, Boolean(key.value), flown),
 };
 type Form = keyof typeof FORMS;
 
-export function Submitted({ job }: { job: string }) {
+export function Submitted({ job: { id, flights_of: flown } }: { job: Job }) {
   const form = useSignal<Form>("JSON");
-  const { data, error } = useLoaded((signal) => getJson<Json>(`/v1/jobs/${job}/spec`, signal), [job]);
+  const { data, error } = useLoaded((signal) => getJson<Json>(`/v1/jobs/${id}/spec`, signal), [id]);
   const choice = (
     <div class="choice" role="group" aria-label="Document as">
       {(Object.keys(FORMS) as Form[]).map((name) => (
@@ -28,7 +28,7 @@ export function Submitted({ job }: { job: string }) {
   return (
     <Section title="Document" id="document" aside={choice}>
       <Trouble error={error.value} />
-      {data.value !== null && <Copied text={FORMS[form.value](data.value)} label={`as submitted, ${form.value}`} />}
+      {data.value !== null && <Copied text={FORMS[form.value](data.value, flown)} label={`as submitted, ${form.value}`} />}
     </Section>
   );
 }

@@ -4,6 +4,7 @@ import { useEffect, useMemo } from "preact/hooks";
 import { getJson, isFinal, post, request } from "./api";
 import { Convergence } from "./convergence";
 import { Submitted } from "./document";
+import { FlightsAnswer, FlightsHeadline } from "./flights";
 import { between, number, when } from "./format";
 import { type History, historyOf, useWatched } from "./history";
 import { useLoaded } from "./load";
@@ -11,7 +12,7 @@ import { Downloads, Findings, Summary } from "./job_aside";
 import { Action, Facts, Section, Status, Trouble } from "./parts";
 import { go, to } from "./route";
 import { Trajectories } from "./trajectories";
-import type { Job, Result, Trajectory } from "./types";
+import type { Flights, Job, Result, Trajectory } from "./types";
 import { Headline, Verified } from "./verification";
 import { Wavelets } from "./wavelets";
 
@@ -20,10 +21,12 @@ export function JobPage({ id }: { id: string }) {
   const job = watched.value;
   const done = job !== null && isFinal(job.status);
   const found = useLoaded(
-    async (signal) => (done ? getJson<Result>(`/v1/jobs/${id}/result`, signal) : null),
+    async (signal) => (done ? getJson<Result | Flights>(`/v1/jobs/${id}/result`, signal) : null),
     [id, done],
   );
-  const result = found.data.value?.trajectory ? found.data.value : null;
+  const answer = found.data.value;
+  const flights = answer && "kind" in answer ? answer : null;
+  const result = answer && "trajectory" in answer ? answer : null;
   useEffect(() => {
     document.title = job ? `${job.status}: ${job.name || job.id} – ondelette` : "ondelette";
   }, [job?.status, job?.name]);
@@ -35,7 +38,7 @@ export function JobPage({ id }: { id: string }) {
         {job && <Buttons job={job} done={done} />}
       </div>
       <Trouble error={error.value} />
-      {job && <Body job={job} done={done} result={result} history={history.value} trajectory={trajectory.value} />}
+      {job && <Body job={job} done={done} result={result} flights={flights} history={history.value} trajectory={trajectory.value} />}
     </>
   );
 }
@@ -44,30 +47,33 @@ interface Known {
   job: Job;
   done: boolean;
   result: Result | null;
+  flights: Flights | null;
   history: History;
   trajectory: Trajectory | null;
 }
 
-function Body({ job, done, result, history, trajectory }: Known) {
+function Body({ job, done, result, flights, history, trajectory }: Known) {
   return (
     <>
       {job.error && <div class="trouble"><p>{job.error.detail || job.error.title}</p></div>}
       {result && <Headline result={result} />}
+      {flights && <FlightsHeadline flights={flights} />}
       {!done && <Now job={job} />}
       <div class="columns">
         <div>
           {!done && <Convergence history={history} />}
           {!done && trajectory && <Live trajectory={trajectory} />}
           {result && <Answer result={result} />}
+          {flights && <FlightsAnswer flights={flights} />}
           {result && <Wavelets result={result} />}
-          {done && <Passed result={result} told={history} />}
-          <Submitted job={job.id} />
+          {done && !flights && <Passed result={result} told={history} />}
+          <Submitted job={job} />
         </div>
         <aside aria-label="Summary">
           {result && <Verified result={result} />}
           {result && <Findings result={result} />}
           <Summary job={job} result={result} />
-          {done && <Downloads job={job} result={result !== null} />}
+          {done && <Downloads job={job} result={(result ?? flights) !== null} />}
         </aside>
       </div>
     </>
@@ -93,8 +99,8 @@ function Buttons({ job, done }: { job: Job; done: boolean }) {
           Cancel
         </Action>
       )}
-      <a class="button" href={to("/new", { from: job.id })}>Run again with changes</a>
-      {done && <CompareWith job={job} />}
+      {!job.flights_of && <a class="button" href={to("/new", { from: job.id })}>Run again with changes</a>}
+      {done && !job.flights_of && <CompareWith job={job} />}
       {done && <Action kind="danger" act={erase}>Erase</Action>}
     </div>
   );
@@ -103,7 +109,8 @@ function Buttons({ job, done }: { job: Job; done: boolean }) {
 /** Chooses another job to be laid over this one. */
 function CompareWith({ job }: { job: Job }) {
   const { data } = useLoaded((signal) => getJson<{ jobs: Job[] }>("/v1/jobs?limit=50", signal), [job.id]);
-  const others = data.value?.jobs.filter((other) => other.id !== job.id && isFinal(other.status)) ?? [];
+  const others =
+    data.value?.jobs.filter((other) => other.id !== job.id && !other.flights_of && isFinal(other.status)) ?? [];
   const choose = (event: Event) => {
     const other = (event.currentTarget as HTMLSelectElement).value;
     if (other) go(to("/compare", { jobs: `${job.id},${other}` }));

@@ -16,6 +16,7 @@ export function Summary({ job, result }: { job: Job; result: Result | null }) {
     ["id", <code key="id">{job.id}</code>],
   ];
   if (job.sweep) facts.push(["point of the sweep", link("/sweeps", job.sweep)]);
+  if (job.flights_of) facts.push(["flights of", link("/jobs", job.flights_of)]);
   if (job.reused_from) facts.push(["answer of", link("/jobs", job.reused_from)]);
   return (
     <Section title="Job" id="job">
@@ -89,19 +90,25 @@ function marginOf({ active, margin, min, max }: Constraint): string {
 
 export function Downloads({ job, result }: { job: Job; result: boolean }) {
   const base = `/v1/jobs/${job.id}`;
-  const files: [string, string, string][] = [
+  const numbers: [string, string, string][] = [
     ["JSON", `${base}/result?format=json`, `${job.id}.json`],
     ["CSV", `${base}/result?format=csv`, `${job.id}.csv`],
+  ];
+  const more: typeof numbers = [
     ["NPZ", `${base}/result?format=npz`, `${job.id}.npz`],
     ["MAT", `${base}/result?format=mat`, `${job.id}.mat`],
     ["SVG", `${base}/plot.svg`, `${job.id}.svg`],
+    ["Report", `${base}/report.html`, `${job.id}.html`],
     ["Bundle", `${base}/bundle.zip`, `${job.id}.zip`],
   ];
+  // These two tell of a job that has no result as well.
+  const always = ["Report", "Bundle"];
+  const files = job.flights_of ? numbers : [...numbers, ...more];
   return (
     <Section title="Files" id="files">
       <div class="files">
         {files.map(([label, path, name]) => (
-          <Action key={label} act={() => download(path, name)} disabled={!result && label !== "Bundle"}>{label}</Action>
+          <Action key={label} act={() => download(path, name)} disabled={!result && !always.includes(label)}>{label}</Action>
         ))}
       </div>
     </Section>

@@ -1,4 +1,4 @@
-// A job document as something to run elsewhere.
+// A job document as something to run elsewhere; flights, of the job `flown`.
 import stringify from "json-stringify-pretty-compact";
 import type { Json } from "./types";
 
@@ -7,20 +7,22 @@ export function pretty(document: Json): string {
 }
 
 /** A command for a POSIX shell. The text stands behind it as it is: in JSON, no line is END. */
-export function asCurl(document: Json, origin: string, keyed: boolean): string {
+export function asCurl(document: Json, origin: string, keyed: boolean, flown: string | null): string {
+  const path = flown ? `/v1/jobs/${flown}/flights` : "/v1/jobs";
   const key = keyed ? ` -H "Authorization: Bearer $ONDELETTE_KEY"` : "";
   const headers = `-H 'Content-Type: application/json' -H 'Prefer: wait=60'${key}`;
-  return `curl -sS ${origin}/v1/jobs ${headers} -d @- <<'END'\n${pretty(document)}\nEND\n`;
+  return `curl -sS ${origin}${path} ${headers} -d @- <<'END'\n${pretty(document)}\nEND\n`;
 }
 
-export function asPython(document: Json, origin: string, keyed: boolean): string {
+export function asPython(document: Json, origin: string, keyed: boolean, flown: string | null): string {
+  const call = flown ? `flights("${flown}", document)` : "solve(document)";
   const key = keyed ? `, key=os.environ["ONDELETTE_KEY"]` : "";
   return `${keyed ? "import os\n\n" : ""}from app.client import Client
 
 document = ${literal(document)}
 
 with Client("${origin}"${key}) as client:
-    result = client.solve(document)
+    result = client.${call}
     print(result["success"], result["objective"])
 `;
 }

@@ -14,6 +14,7 @@ export interface Job {
   cancel_requested: boolean;
   reused_from: string | null;
   sweep: string | null;
+  flights_of: string | null;
 }
 
 export interface Progress {
@@ -102,6 +103,34 @@ export interface Constraint {
   margin: number | null;
   at: number | null;
   active: [number, number][];
+}
+
+/** How a number is spread over flights; `percentiles` by their share, "5" for 5 %. */
+export interface Spread {
+  nominal: number | null;
+  max: number | null;
+  percentiles: Record<string, number | null>;
+}
+
+/** The result of flights of an answer. */
+export interface Flights {
+  kind: "flights";
+  flights_of: string;
+  message: string;
+  runs: number;
+  lost: number;
+  final: Record<string, Spread>;
+  residual?: Record<string, Spread> | null;
+  violations: (Spread & { pointer: string; rate: number })[];
+  worst: {
+    run: number;
+    lost: boolean;
+    limit: string | null;
+    tolerances: number | null;
+    parameters: Record<string, number>;
+    initial_state: Record<string, number>;
+  }[];
+  columns: Record<string, Numbers>;
 }
 
 export interface SweepRow {

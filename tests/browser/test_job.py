@@ -96,6 +96,28 @@ def test_every_plant_and_every_reason_is_shown(visitor: Visitor, submit: Callabl
         expect(page.locator(".verdict")).to_contain_text("Not verified")
 
 
+def test_flights_are_told_by_limits_spread_and_worst(
+    visitor: Visitor, solved: str, service: httpx.Client
+) -> None:
+    asked = {"runs": 40, "coast": 5, "parameters": {"k": {"uniform": [90, 110]}}}
+    job = service.post(f"/v1/jobs/{solved}/flights", json=asked, headers={"Prefer": "wait=60"}).json()
+    result = service.get(f"/v1/jobs/{job['id']}/result").json()
+    with visitor.page(f"#/jobs/{job['id']}") as page:
+        expect(page.locator(".verdict")).to_contain_text(result["message"])
+        alpha = page.get_by_role("region", name="Misses of each limit").locator("tbody tr").nth(1)
+        assert result["violations"][1]["pointer"] == "/problem/final_state/alpha"
+        expect(alpha).to_contain_text(f"{100 * result['violations'][1]['rate']:g} %")
+        expect(page.get_by_role("region", name="Residual amplitudes").locator("tbody tr")).to_have_count(5)
+        expect(page.get_by_role("region", name="Worst flights").locator("tbody tr")).to_have_count(5)
+        slider = page.get_by_role("slider", name="k over share of flights [%]", exact=True)
+        slider.press("Home")
+        least = float(page.locator(".plot[data-name=k] .plot-readings").inner_text())
+        assert least == pytest.approx(min(result["columns"]["k"]), rel=1e-5)
+        expect(page.locator(".files button")).to_have_text(["JSON", "CSV"])
+        page.locator(".headline").get_by_role("link", name=solved).click()
+        expect(page.locator(".plot[data-name=root_moment]")).to_have_count(1)
+
+
 def test_two_jobs_are_laid_over_one_another(visitor: Visitor, solved: str, other: str) -> None:
     with visitor.page("#/?tag=browser") as page:
         page.locator(f"[data-job='{solved}']").get_by_role("checkbox").check()
@@ -141,6 +163,7 @@ def test_files_are_saved(visitor: Visitor, solved: str) -> None:
         "NPZ": b"PK",
         "MAT": b"MATLAB",
         "SVG": b"<?xml",
+        "Report": b"<!doctype html>",
         "Bundle": b"PK",
     }
     with visitor.page(f"#/jobs/{solved}") as page:

@@ -73,6 +73,9 @@ def test_segments_follow_each_other(result: dict[str, Any]) -> None:
         assert segment["tracking_seconds"] > 0
     assert result["schedules"].keys() == {"parallel", "sequential", "speedup", "median_wait"}
     assert sum(segment["tracking_seconds"] for segment in segments) < result["schedules"]["sequential"]
+    seconds = result["statistics"]["seconds"]
+    assert seconds.keys() == {"build", "solve", "refine", "verify", "total"}
+    assert sum(seconds.values()) - seconds["total"] == pytest.approx(seconds["total"], rel=0.05)
 
 
 def test_the_objective_is_that_of_what_was_flown(result: dict[str, Any]) -> None:
