@@ -13,6 +13,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from solvers.certificate import hamiltonian_drift
 from solvers.problem import OptimalControlProblem
 from solvers.refine.detection import find_structure
 from solvers.refine.mesh import ArcMesh, first_mesh
@@ -34,6 +35,9 @@ more weakly still, so that they are as good as the square root of this."""
 TOLERANCE = 5e-9
 """What the error of the states between nodes should be, relative to each state's scale."""
 
+DRIFT = 1e-6
+"""How far the Hamiltonian may wander, relative to the magnitude of its terms."""
+
 WRONG_SIGN = 1e-3
 """The largest wrong value of a switching function that is accepted, relative to its largest value.
 
@@ -50,6 +54,8 @@ _ROUNDS = 16
 LOOKS = 2
 _LOOK_SEGMENTS = 16
 _LOOK_NODES = 8
+# The part of what the Hamiltonian may wander that more nodes aim at.
+_DRIFT_AIM = 0.1
 # An arc is cut where the sign is wrong by more than this, and by more than the error of the states.
 _CUT = 1e-6
 
@@ -112,6 +118,8 @@ class Search:
             structure = replace(structure, edges=program.edges_of(start))
             errors = program.by_segment(arc_errors(problem, start).states.max(axis=0))
             wrong_sign, changed = next_structure(problem, solved, structure, max(_CUT, float(errors.max())))
+            if errors.max() <= TOLERANCE:
+                errors = np.maximum(errors, _wander(solved))
             if wrong_sign <= WRONG_SIGN:
                 self._keep(Refined(solved, structure, mesh, errors, wrong_sign))
             if changed is not None and not settled:
@@ -188,6 +196,17 @@ def structure_of(solved: Solved) -> Structure:
         solved.trajectory,
         lambda: solved.transcription.costates(solved.trajectory, solved.outcome.row_multipliers),
     )
+
+
+def _wander(solved: Solved) -> float:
+    """What the Hamiltonian says of all segments: 0 where it is constant enough, else as an error of states.
+
+    States may be right between the nodes for whatever control is flown: x' = u is. The control is the best
+    one only where the Hamiltonian is constant.
+    """
+    costates = solved.transcription.costates(solved.trajectory, solved.outcome.row_multipliers)
+    drift = hamiltonian_drift(solved.weighted_problem, solved.trajectory, costates)
+    return 0.0 if drift is None or drift <= DRIFT else TOLERANCE * drift / (_DRIFT_AIM * DRIFT)
 
 
 def _share(round_: int) -> tuple[float, float]:

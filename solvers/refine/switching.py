@@ -20,7 +20,7 @@ from solvers.problem import OptimalControlProblem
 from solvers.quantities import WHOLE_SPAN
 from solvers.refine.detection import find_structure
 from solvers.refine.residual import arc_errors
-from solvers.refine.search import LOOKS, PROGRAM_TOLERANCE, WRONG_SIGN, Refined, Search, structure_of
+from solvers.refine.search import DRIFT, LOOKS, PROGRAM_TOLERANCE, WRONG_SIGN, Refined, Search, structure_of
 from solvers.refine.structure import Structure
 from solvers.session import Session, Solved
 from solvers.switching import find_switching
@@ -29,9 +29,6 @@ from solvers.verify import Check, Verification, dense
 
 ACCEPTABLE = 1e-7
 """What the error of the states between nodes may be where more nodes do not help, relative to scales."""
-
-DRIFT = 1e-6
-"""How far the Hamiltonian may wander, relative to the magnitude of its terms."""
 
 # The objective may not get worse by more than the first part of itself, if the states of the first answer are
 # right to the second part of their scales.
@@ -144,7 +141,7 @@ def _judged(problem: OptimalControlProblem, first: Solved, search: Search, reaso
     best = search.best
     if best is not None and search.stopped is None:
         if best.error > ACCEPTABLE:
-            reason = f"the states between nodes are wrong by {best.error:.1e}; {reason}"
+            reason = f"the states or the Hamiltonian are wrong by {best.error:.1e} between nodes; {reason}"
         elif _is_worse(problem, first, best.solved):
             reason = f"the objective would get worse by {best.solved.objective - first.objective:.1e}"
         else:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
 import pytest
 
 from solvers.catalogue import case_names, load_case
@@ -30,6 +31,18 @@ def test_every_case_is_solved_and_verified_without_naming_a_method(name: str) ->
     assert abs(solution.objective - reference) <= limit
     assert solution.verification.terminal_error is not None
     assert solution.verification.terminal_error <= 1e-8
+
+
+@pytest.mark.parametrize("span", [3, 10])
+def test_a_smooth_control_is_the_best_one_between_the_nodes_too(
+    regulator: dict[str, Any], span: float
+) -> None:
+    """x' = u holds between any nodes; the cost of x^2 + u^2 from x = 1 is tanh(span)."""
+    regulator["problem"] |= {"final_time": span, "objective": {"running": "x^2 + u^2"}}
+    regulator["problem"] |= {"bounds": {}, "final_state": {}}
+    solution = solve(check_document({**regulator, "method": {"name": "auto"}}))
+    assert solution.success, solution.message
+    assert solution.objective == pytest.approx(np.tanh(span), rel=1e-10)
 
 
 def test_the_result_says_what_was_done(flexible_spacecraft: dict[str, Any]) -> None:
