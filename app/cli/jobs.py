@@ -100,7 +100,7 @@ def watch(job_id: str, server: str, as_json: bool, progress: bool | None) -> Non
                 tables().print(result_table(result))
     if job["status"] != "succeeded":
         problem = job["error"]
-        reason = f": {problem['title']}: {problem['detail']}" if problem else ""
+        reason = f": {problem['detail'] or problem['title']}" if problem else ""
         fail(one_line(f"job {job_id} {job['status']}{reason}"), ExitCode.NOT_SOLVED)
 
 
