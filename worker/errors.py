@@ -27,6 +27,10 @@ class ResultsUnavailable(OndeletteError):
     """The folder or object store in which results are kept does not answer."""
 
 
+class WorkerStartError(OndeletteError):
+    """A worker that is set up like this could not solve anything."""
+
+
 class QueueUnavailable(OndeletteError):
     """The broker did not take the job; nothing was queued and nothing is remembered of it."""
 

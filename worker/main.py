@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import logging
 import os
-import resource
 import socket
 
 from worker import logs, traces
@@ -38,6 +37,7 @@ def run(
     from worker.consumer import PromptConsumer
     from worker.heartbeat import heartbeat
     from worker.leases import leases
+    from worker.memory import limit_memory, require_memory
     from worker.neighbours import Neighbours
     from worker.pool import WatchedPool
     from worker.queue import JobQueue, make_celery
@@ -47,6 +47,7 @@ def run(
     from worker.tasks import Limits, SolveTask
 
     warm_up()
+    require_memory(settings.memory_mib)
     celery = make_celery(settings)
     celery.conf.update(
         worker_max_tasks_per_child=settings.tasks_per_child,
@@ -61,10 +62,6 @@ def run(
     steps.add(heartbeat(queue, slots, settings.heartbeat_seconds))
     steps.add(leases(JobStore(connect(settings), settings), settings.renewal_seconds))
 
-    def limit_memory(**_: object) -> None:
-        # Beyond it an allocation fails, which ends one job; without it the kernel ends whom it likes.
-        resource.setrlimit(resource.RLIMIT_AS, (settings.memory_mib * 2**20, resource.RLIM_INFINITY))
-
     def start_traces(**_: object) -> None:
         # In each child: a thread that sends does not survive a fork.
         traces.start("ondelette-worker")
@@ -72,7 +69,7 @@ def run(
     def write_logs(loglevel: int | str, **_: object) -> None:
         logs.set_up(settings.log_format, logging.getLevelName(loglevel))
 
-    worker_process_init.connect(limit_memory, weak=False)
+    worker_process_init.connect(lambda **_: limit_memory(settings.memory_mib), weak=False)
     worker_process_init.connect(start_traces, weak=False)
     worker_process_shutdown.connect(lambda **_: traces.flush(), weak=False)
     # That somebody listens keeps Celery from logging in its own way.

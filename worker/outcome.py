@@ -57,6 +57,10 @@ ABORTED = JobError(
 )
 
 
+# CasADi and IPOPT say it in C++ words, the interpreter of a thread whose stack finds no room.
+_NO_MEMORY = ("bad_alloc", "can't start new thread", "unable to start watchdog thread")
+
+
 def of_solution(solution: Answer, job_id: str, limit: int) -> Outcome:
     """Return the end of a job that was solved; a compressed result over ``limit`` bytes fails it."""
     members = solution.result(job_id)
@@ -111,8 +115,7 @@ def _too_large(result: bytes, limit: int, advice: str) -> Outcome:
 
 def of_exception(error: Exception, job_id: str) -> Outcome:
     """Return the end of a job whose solve gave no iterate; the unexpected is logged with its trace."""
-    # CasADi and IPOPT say it in C++ words.
-    if isinstance(error, MemoryError) or "bad_alloc" in str(error):
+    if isinstance(error, MemoryError) or any(words in str(error) for words in _NO_MEMORY):
         logger.warning("job %s ran out of memory", job_id)
         return _failure(
             FailureType.OUT_OF_MEMORY,

@@ -75,8 +75,7 @@ def solve_job(
         logger.info("job %s: nothing to solve", job_id)
         return
     logger.info("job %s: running", job_id)
-    with StoreProgress(store, job_id, owner) as progress:
-        end = _solve(job_id, store, limits, progress, neighbours)
+    end = _solve(job_id, owner, store, limits, neighbours)
     words = (end.status, end.error, end.result, end.digest)
     written = patiently(lambda: store.finish(job_id, owner, *words), limits.outage, job_id)
     if written:
@@ -88,14 +87,16 @@ def solve_job(
 
 
 def _solve(
-    job_id: str, store: JobStore, limits: Limits, progress: StoreProgress, neighbours: Neighbours | None
+    job_id: str, owner: str, store: JobStore, limits: Limits, neighbours: Neighbours | None
 ) -> outcome.Outcome:
     try:
-        work, seconds = patiently(
-            lambda: _assigned(job_id, store, limits, progress, neighbours), limits.outage, job_id
-        )
-        with process_limit(seconds + limits.grace):
-            return work()
+        # Even its thread may find no memory.
+        with StoreProgress(store, job_id, owner) as progress:
+            work, seconds = patiently(
+                lambda: _assigned(job_id, store, limits, progress, neighbours), limits.outage, job_id
+            )
+            with process_limit(seconds + limits.grace):
+                return work()
     except STORE_AWAY:
         raise
     except Exception as error:  # noqa: BLE001  (logged and written as the job's error)

@@ -52,14 +52,17 @@ def protected(settings: S, host: str, insecure: bool) -> S:
     return settings.model_copy(update={"require_keys": True})
 
 
-def check_keys(settings: Settings) -> None:
-    """End with 2 where keys are needed and there is none: nobody could enter, or anybody."""
+def check_keys(settings: Settings, *, stored: bool = True) -> None:
+    """End with 2 where keys are needed and there is none: nobody could enter, or anybody.
+
+    ``stored`` tells whether there is a broker that may know keys.
+    """
     from redis.exceptions import RedisError
 
     from app.auth import missing_keys
 
     try:
-        reason = missing_keys(settings)
+        reason = missing_keys(settings, stored=stored)
     except RedisError as error:
         reason = (
             f"whether there are API keys cannot be told, for the broker does not answer ({error}); "
@@ -115,7 +118,7 @@ def serve(
     load(WorkerSettings, broker)
     if settings.require_keys and (broker is not None or address_of(data) is None):
         # With the broker still in its folder it is asked as soon as it runs.
-        check_keys(settings)
+        check_keys(settings, stored=broker is not None)
     options = ServiceOptions(data, host, port, workers, broker, broker_binary, settings.require_keys, fsync)
     with (
         contextlib.suppress(ServiceStopped),

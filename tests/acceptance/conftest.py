@@ -18,7 +18,6 @@ from typing import Any
 import httpx
 import pytest
 
-from app.embedded.service import EmbeddedService, ServiceOptions
 from tests.bad_documents import FLEXIBLE_SPACECRAFT
 from worker.queue import JobQueue, make_celery
 from worker.settings import QueueSettings
@@ -33,14 +32,6 @@ API = (
     "config = uvicorn.Config(create_app(), access_log=False, timeout_graceful_shutdown=2);"
     "uvicorn.Server(config).run(sockets=[socket.socket(fileno=int(sys.argv[1]))])"
 )
-
-
-@pytest.fixture(scope="session")
-def url(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
-    """The address of the service that `ondelette serve` starts, for whatever is printed in documents."""
-    options = ServiceOptions(tmp_path_factory.mktemp("service"), port=0, workers=1)
-    with EmbeddedService(options, print) as service:
-        yield service.url
 
 
 # Leases that are over soon, so that tests need not wait for half a minute.
@@ -76,11 +67,7 @@ class Deployment:
     def worker(self, slots: int = 2, name: str = "one", **environment: str) -> Iterator[Running]:
         """A worker that is alive; ended like a container, by SIGTERM."""
         with self._process([WORKER, str(slots), name], f"worker-{name}", environment) as running:
-            with connect(self.settings) as redis:
-                queue = JobQueue(make_celery(self.settings), redis, self.settings)
-                wait_until(
-                    lambda: any(alive.startswith(f"{name}@") for alive in queue.workers()), running, 60.0
-                )
+            self._wait_for(name, running)
             yield running
 
     @contextmanager
@@ -95,6 +82,23 @@ class Deployment:
             ):
                 wait_until(lambda: client.get("/livez").status_code == 200, running)
                 yield client
+
+    @contextmanager
+    def both(
+        self, slots: int = 2, name: str = "one", **environment: str
+    ) -> Iterator[tuple[Running, httpx.Client]]:
+        """A worker that is alive and a client of an API that answers, started side by side."""
+        with (
+            self._process([WORKER, str(slots), name], f"worker-{name}", environment) as running,
+            self.api(**environment) as client,
+        ):
+            self._wait_for(name, running)
+            yield running, client
+
+    def _wait_for(self, name: str, running: Running) -> None:
+        with connect(self.settings) as redis:
+            queue = JobQueue(make_celery(self.settings), redis, self.settings)
+            wait_until(lambda: any(alive.startswith(f"{name}@") for alive in queue.workers()), running, 60.0)
 
     @contextmanager
     def _process(
@@ -144,7 +148,7 @@ def deployment(broker: str, tmp_path_factory: pytest.TempPathFactory) -> Deploym
 @pytest.fixture(scope="session")
 def service(deployment: Deployment) -> Iterator[httpx.Client]:
     """A client of the shared service, which is ready."""
-    with deployment.worker(), deployment.api(ONDELETTE_BODY_BYTES=str(2 * 2**20)) as client:
+    with deployment.both(ONDELETTE_BODY_BYTES=str(2 * 2**20)) as (_, client):
         assert client.get("/readyz").status_code == 200
         yield client
 

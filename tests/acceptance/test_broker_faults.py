@@ -47,11 +47,8 @@ def service(
     """A worker and an API that look after lost jobs every second."""
     settings = QueueSettings(broker=server.address, prefix=PREFIX)
     deployment = Deployment(settings, tmp_path_factory.mktemp("broker"))
-    with (
-        deployment.worker(slots=1, **SHORT) as worker,
-        deployment.api(ONDELETTE_RECONCILE_SECONDS="1", **SHORT) as api,
-    ):
-        yield worker, api
+    with deployment.both(slots=1, ONDELETTE_RECONCILE_SECONDS="1", **SHORT) as both:
+        yield both
 
 
 def submit(api: httpx.Client, document: Document) -> str:

@@ -20,10 +20,17 @@ Document = dict[str, Any]
 LIMITS = {"ONDELETTE_GRACE_SECONDS": "1", "ONDELETTE_OUTAGE_SECONDS": "2"}
 
 
-@pytest.fixture
-def own(broker: str, tmp_path: Path, request: pytest.FixtureRequest) -> Deployment:
-    """A service of the test's own."""
-    return Deployment(QueueSettings(broker=broker, prefix=f"{request.node.name}:"), tmp_path)
+@pytest.fixture(scope="module")
+def own(broker: str, tmp_path_factory: pytest.TempPathFactory) -> Deployment:
+    """A service whose workers each test starts for itself."""
+    return Deployment(QueueSettings(broker=broker, prefix="own:"), tmp_path_factory.mktemp("own"))
+
+
+@pytest.fixture(scope="module")
+def own_api(own: Deployment) -> Iterator[httpx.Client]:
+    """Its API."""
+    with own.api() as api:
+        yield api
 
 
 @pytest.fixture(scope="module")
@@ -32,8 +39,8 @@ def worker_and_api(
 ) -> Iterator[tuple[Running, httpx.Client]]:
     """A worker that solves one job at a time and outlives what is done to its children, and its API."""
     deployment = Deployment(QueueSettings(broker=broker, prefix="faults:"), tmp_path_factory.mktemp("faults"))
-    with deployment.worker(slots=1, **LIMITS) as worker, deployment.api(**LIMITS) as api:
-        yield worker, api
+    with deployment.both(slots=1, **LIMITS) as both:
+        yield both
 
 
 def submit(api: httpx.Client, document: Document) -> str:
@@ -124,52 +131,41 @@ def test_a_child_that_does_not_answer_is_ended_at_its_limit(
     assert api.get(f"/v1/jobs/{job_id}/result").status_code == 404
 
 
-def test_a_worker_that_is_told_to_end_hands_its_job_back(own: Deployment, spacecraft: Document) -> None:
-    spacecraft["method"]["J"] = 9
-    with own.api() as api:
-        # Without a worker the service is not ready, but takes jobs.
-        assert api.get("/readyz").status_code == 503
-        running, waiting = submit(api, spacecraft), submit(api, spacecraft)
-        with own.worker(slots=1, name="one", ONDELETTE_SHUTDOWN_SECONDS="0.1") as worker:
-            assert api.get("/readyz").status_code == 200
-            wait_until(lambda: status(api, running) == "running")
-            worker.process.send_signal(signal.SIGTERM)
-            worker.process.wait(15)
-        assert api.get("/readyz").status_code == 503
-        for job_id in (running, waiting):
-            job = api.get(f"/v1/jobs/{job_id}").json()
-            assert (job["status"], job["started_at"], job["progress"]) == ("queued", None, None)
-        api.post(f"/v1/jobs/{waiting}/cancel")
-        with own.worker(slots=1, name="two"):
-            job = api.get(f"/v1/jobs/{running}", params={"wait": 60}).json()
-            assert (job["status"], job["attempts"]) == ("succeeded", 2)
-
-
-def test_a_worker_that_is_told_to_end_lets_a_short_job_end_first(
-    own: Deployment, spacecraft: Document
+def test_a_worker_that_is_told_to_end_hands_its_job_back_or_lets_a_short_one_end_first(
+    own: Deployment, own_api: httpx.Client, spacecraft: Document
 ) -> None:
-    spacecraft["method"]["J"] = 8
-    with own.api() as api, own.worker(slots=1, ONDELETTE_SHUTDOWN_SECONDS="15") as worker:
-        job_id = submit(api, spacecraft)
-        wait_until(lambda: status(api, job_id) == "running")
-        asked = time.monotonic()
+    api = own_api
+    spacecraft["method"]["J"] = 9
+    # Without a worker the service is not ready, but takes jobs.
+    assert api.get("/readyz").status_code == 503
+    running, waiting = submit(api, spacecraft), submit(api, spacecraft)
+    with own.worker(slots=1, name="hasty", ONDELETTE_SHUTDOWN_SECONDS="0.1") as worker:
+        assert api.get("/readyz").status_code == 200
+        wait_until(lambda: status(api, running) == "running")
         worker.process.send_signal(signal.SIGTERM)
-        job = api.get(f"/v1/jobs/{job_id}", params={"wait": 30}).json()
-        assert (job["status"], job["attempts"]) == ("succeeded", 1)
         worker.process.wait(15)
-        assert time.monotonic() - asked < 10
+    assert api.get("/readyz").status_code == 503
+    for job_id in (running, waiting):
+        job = api.get(f"/v1/jobs/{job_id}").json()
+        assert (job["status"], job["started_at"], job["progress"]) == ("queued", None, None)
+    api.post(f"/v1/jobs/{waiting}/cancel")
+    with own.worker(slots=1, name="patient", ONDELETTE_SHUTDOWN_SECONDS="60") as worker:
+        wait_until(lambda: status(api, running) == "running")
+        worker.process.send_signal(signal.SIGTERM)
+        job = api.get(f"/v1/jobs/{running}", params={"wait": 60}).json()
+        assert (job["status"], job["attempts"]) == ("succeeded", 2)
+        # It ends with its last job, long before its time is over.
+        worker.process.wait(15)
 
 
-def test_a_solve_that_needs_too_much_fails_alone(own: Deployment, spacecraft: Document) -> None:
-    with (
-        own.worker(slots=1, ONDELETTE_MEMORY_MIB="1000", ONDELETTE_RESULT_MIB="0.06"),
-        own.api() as api,
-    ):
+def test_a_solve_that_needs_too_much_fails_alone(
+    own: Deployment, own_api: httpx.Client, spacecraft: Document
+) -> None:
+    with own.worker(slots=1, name="small", ONDELETTE_MEMORY_MIB="1000", ONDELETTE_RESULT_MIB="0.06"):
 
         def end(method: Document) -> Document:
-            job: Document = api.get(
-                f"/v1/jobs/{submit(api, spacecraft | {'method': method})}", params={"wait": 60}
-            ).json()
+            job_id = submit(own_api, spacecraft | {"method": method})
+            job: Document = own_api.get(f"/v1/jobs/{job_id}", params={"wait": 60}).json()
             return job
 
         job = end({"name": "hermite_simpson", "intervals": 30_000})

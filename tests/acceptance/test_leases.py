@@ -10,23 +10,30 @@ from typing import Any
 import httpx
 import pytest
 
-from tests.acceptance.conftest import SHORT, Deployment, wait_until
+from tests.acceptance.conftest import SHORT, Deployment, Running, wait_until
 from worker.settings import QueueSettings
 
 Document = dict[str, Any]
 
 
-@pytest.fixture
-def own(broker: str, tmp_path: Path, request: pytest.FixtureRequest) -> Deployment:
-    """A service of the test's own."""
-    return Deployment(QueueSettings(broker=broker, prefix=f"{request.node.name}:"), tmp_path)
+@pytest.fixture(scope="module")
+def own(broker: str, tmp_path_factory: pytest.TempPathFactory) -> Deployment:
+    """A service of this file's own."""
+    return Deployment(QueueSettings(broker=broker, prefix="leases:"), tmp_path_factory.mktemp("leases"))
 
 
-@pytest.fixture
+@pytest.fixture(scope="module")
 def api(own: Deployment) -> Iterator[httpx.Client]:
     """Its API."""
     with own.api(**SHORT) as client:
         yield client
+
+
+@pytest.fixture(scope="module")
+def pair(own: Deployment) -> Iterator[tuple[Running, Running]]:
+    """Two workers that outlive what is done to them."""
+    with own.worker(slots=1, name="one", **SHORT) as one, own.worker(slots=1, name="two", **SHORT) as two:
+        yield one, two
 
 
 @pytest.fixture
@@ -53,6 +60,13 @@ def read(api: httpx.Client, job_id: str) -> Document:
     return job
 
 
+def solving(pair: tuple[Running, Running], api: httpx.Client, job_id: str) -> Running:
+    """Wait until a job runs; return the worker that is at it."""
+    wait_until(lambda: read(api, job_id)["status"] == "running")
+    (found,) = [worker for worker in pair if job_id in worker.log.read_text()]
+    return found
+
+
 def attempts(api: httpx.Client, job_id: str) -> int:
     """Wait for the end of a job, by itself or by its time limit; return how often it was started."""
     job = api.get(f"/v1/jobs/{job_id}", params={"wait": 60}).json()
@@ -61,18 +75,10 @@ def attempts(api: httpx.Client, job_id: str) -> int:
     return count
 
 
-def test_a_slow_job_is_delivered_once(own: Deployment, api: httpx.Client, slow_job: Document) -> None:
-    with own.worker(slots=1, name="one", **SHORT), own.worker(slots=1, name="two", **SHORT):
-        job_id = submit(api, slow_job)
-        began = time.monotonic()
-        assert attempts(api, job_id) == 1
-        assert time.monotonic() - began > 3
-
-
 def test_a_job_whose_worker_is_killed_is_solved_by_another(
     own: Deployment, api: httpx.Client, slow_job: Document, spacecraft: Document
 ) -> None:
-    with own.worker(slots=1, name="one", **SHORT) as one:
+    with own.worker(slots=1, name="first", **SHORT) as one:
         job_id = submit(api, slow_job)
         wait_until(lambda: read(api, job_id)["status"] == "running")
         # The second job is fetched already and waits inside the worker for its turn.
@@ -81,7 +87,7 @@ def test_a_job_whose_worker_is_killed_is_solved_by_another(
         children = linux_children(one.process.pid)
         one.process.kill()
         killed = time.monotonic()
-        with own.worker(slots=1, name="two", **SHORT):
+        with own.worker(slots=1, name="second", **SHORT):
             wait_until(lambda: read(api, job_id)["attempts"] == 2)
             assert time.monotonic() - killed < 6
             assert attempts(api, waiting) == 1
@@ -90,34 +96,38 @@ def test_a_job_whose_worker_is_killed_is_solved_by_another(
     assert not [child for child in children if Path(f"/proc/{child}").exists()]
 
 
-def test_a_worker_that_was_only_stopped_does_not_disturb_its_successor(
-    own: Deployment, api: httpx.Client, slow_job: Document
-) -> None:
-    with own.worker(slots=1, name="one", **SHORT) as one:
-        job_id = submit(api, slow_job)
-        wait_until(lambda: read(api, job_id)["status"] == "running")
-        stopped = [one.process.pid, *linux_children(one.process.pid)]
-        for pid in stopped:
-            os.kill(pid, signal.SIGSTOP)
-        with own.worker(slots=1, name="two", **SHORT):
-            wait_until(lambda: read(api, job_id)["attempts"] == 2)
-            for pid in stopped:
-                os.kill(pid, signal.SIGCONT)
-            assert attempts(api, job_id) == 2
-            job = read(api, job_id)
-            # The first worker is whole again, and leaves the job alone from now on.
-            wait_until(lambda: len(api.get("/readyz").json()["workers"]) == 2)
-            assert read(api, job_id) == job
+@pytest.mark.usefixtures("pair")
+def test_a_slow_job_is_delivered_once(api: httpx.Client, slow_job: Document) -> None:
+    job_id = submit(api, slow_job)
+    began = time.monotonic()
+    assert attempts(api, job_id) == 1
+    assert time.monotonic() - began > 3
 
 
 def test_a_worker_whose_main_process_alone_is_stopped_keeps_its_job(
-    own: Deployment, api: httpx.Client, slow_job: Document
+    pair: tuple[Running, Running], api: httpx.Client, slow_job: Document
 ) -> None:
     """Its child goes on solving, and says so."""
-    with own.worker(slots=1, name="one", **SHORT) as one, own.worker(slots=1, name="two", **SHORT) as two:
-        job_id = submit(api, slow_job)
-        wait_until(lambda: read(api, job_id)["status"] == "running")
-        (solving,) = [worker for worker in (one, two) if job_id in worker.log.read_text()]
-        os.kill(solving.process.pid, signal.SIGSTOP)
-        assert attempts(api, job_id) == 1
-        os.kill(solving.process.pid, signal.SIGCONT)
+    job_id = submit(api, slow_job)
+    worker = solving(pair, api, job_id)
+    os.kill(worker.process.pid, signal.SIGSTOP)
+    assert attempts(api, job_id) == 1
+    os.kill(worker.process.pid, signal.SIGCONT)
+
+
+def test_a_worker_that_was_only_stopped_does_not_disturb_its_successor(
+    pair: tuple[Running, Running], api: httpx.Client, slow_job: Document
+) -> None:
+    job_id = submit(api, slow_job)
+    worker = solving(pair, api, job_id)
+    stopped = [worker.process.pid, *linux_children(worker.process.pid)]
+    for pid in stopped:
+        os.kill(pid, signal.SIGSTOP)
+    wait_until(lambda: read(api, job_id)["attempts"] == 2)
+    for pid in stopped:
+        os.kill(pid, signal.SIGCONT)
+    assert attempts(api, job_id) == 2
+    job = read(api, job_id)
+    # The first worker is whole again, and leaves the job alone from now on.
+    wait_until(lambda: len(api.get("/readyz").json()["workers"]) == 2)
+    assert read(api, job_id) == job

@@ -15,18 +15,10 @@ from worker.settings import QueueSettings
 
 
 @pytest.fixture
-def folder(tmp_path: Path) -> Path:
-    path = tmp_path / "results"
-    path.mkdir()
-    return path
-
-
-@pytest.fixture
 def outside(broker: str, folder: Path, tmp_path: Path) -> Iterator[httpx.Client]:
     """A service that keeps its results in ``folder``."""
-    place = {"ONDELETTE_RESULTS": f"file://{folder}"}
     deployment = Deployment(QueueSettings(broker=broker, prefix="outside:"), tmp_path)
-    with deployment.worker(1, **place), deployment.api(**place) as client:
+    with deployment.both(slots=1, ONDELETTE_RESULTS=f"file://{folder}") as (_, client):
         yield client
 
 

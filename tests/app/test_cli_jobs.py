@@ -4,25 +4,15 @@ from __future__ import annotations
 
 import json
 import time
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 from click.testing import CliRunner, Result
 
 from app.cli import main
-from app.embedded.service import EmbeddedService, ServiceOptions
 from solvers.catalogue import case_names, load_case
 from solvers.spec import check_document
 from tests.bad_documents import FLEXIBLE_SPACECRAFT, changed
-
-
-@pytest.fixture(scope="module")
-def url(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
-    """The address of a running service."""
-    options = ServiceOptions(tmp_path_factory.mktemp("service"), port=0, workers=1)
-    with EmbeddedService(options, print) as service:
-        yield service.url
 
 
 @pytest.fixture(autouse=True)

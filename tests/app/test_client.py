@@ -27,19 +27,10 @@ from app.client import (
     ServerUnreachable,
     WaitTimeout,
 )
-from app.embedded.service import EmbeddedService, ServiceOptions
 from solvers.builders import library
 from tests.bad_documents import FLEXIBLE_SPACECRAFT, changed
 
 Answer = tuple[int, dict[str, str], bytes]
-
-
-@pytest.fixture(scope="module")
-def url(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
-    """The address of a running service."""
-    options = ServiceOptions(tmp_path_factory.mktemp("service"), port=0, workers=1)
-    with EmbeddedService(options, print) as service:
-        yield service.url
 
 
 @pytest.fixture

@@ -76,7 +76,7 @@ def deployment(broker: str, tmp_path_factory: pytest.TempPathFactory) -> Deploym
 @pytest.fixture(scope="session")
 def service(browser: Browser, deployment: Deployment) -> Iterator[httpx.Client]:
     """A client of a service that solves; there is none where there is no browser."""
-    with deployment.worker(), deployment.api() as client:
+    with deployment.both() as (_, client):
         yield client
 
 

@@ -57,16 +57,19 @@ OSCILLATOR: dict[str, Any] = {
     }
 }
 
-# x' = a u over a second, for a = 1 and a = 2.
+# x' = a u.
+INTEGRATOR: dict[str, Any] = {
+    "kind": "first_order",
+    "states": ["x"],
+    "controls": ["u"],
+    "parameters": {"a": 1},
+    "dynamics": {"x": "a*u"},
+}
+
+# The same over a second, for a = 1 and a = 2.
 TWO_PLANTS: dict[str, Any] = {
     "problem": {
-        "model": {
-            "kind": "first_order",
-            "states": ["x"],
-            "controls": ["u"],
-            "parameters": {"a": 1},
-            "dynamics": {"x": "a*u"},
-        },
+        "model": INTEGRATOR,
         "final_time": 1,
         "initial_state": {"x": 0},
         "scenarios": {"cases": [{"name": "twice", "parameters": {"a": 2}}]},

@@ -21,13 +21,6 @@ ERROR = JobError(FailureType.INFEASIBLE, "Title.", "Detail.")
 
 
 @pytest.fixture
-def folder(tmp_path: Path) -> Path:
-    path = tmp_path / "results"
-    path.mkdir()
-    return path
-
-
-@pytest.fixture
 def results(folder: Path) -> str | None:
     return f"file://{folder}"
 

@@ -1,4 +1,6 @@
 import json
+import subprocess
+import sys
 import time
 from typing import Any
 
@@ -7,6 +9,8 @@ from celery.exceptions import Reject
 
 from solvers.progress import ProgressReport
 from tests.bad_documents import FLEXIBLE_SPACECRAFT
+from worker.errors import WorkerStartError
+from worker.memory import ROOM, require_memory
 from worker.outcome import TIMED_OUT
 from worker.queue import make_celery
 from worker.records import FailureType, JobRecord, JobStatus, new_job_id
@@ -94,3 +98,39 @@ def test_a_message_goes_back_while_the_store_is_away() -> None:
     with pytest.raises(Reject) as caught:
         task.run(new_job_id())
     assert caught.value.requeue
+
+
+# A stack so large that there is no room for it, but enough for everything else.
+WITHOUT_ROOM = """
+import sys, threading
+from worker.memory import address_space, limit_memory
+from worker.settings import QueueSettings
+from worker.store import JobStore, connect
+from worker.tasks import Limits, solve_job
+
+settings = QueueSettings(broker=sys.argv[1], prefix=sys.argv[2])
+with connect(settings) as redis:
+    threading.stack_size(2**29)
+    limit_memory(address_space() + 64)
+    solve_job(sys.argv[3], JobStore(redis, settings), Limits(2**25, grace=30.0, outage=0.0))
+"""
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="reads /proc and limits the address space")
+def test_a_solve_without_room_for_its_thread_ends_at_once(
+    store: JobStore, job_id: str, queue_settings: QueueSettings
+) -> None:
+    arguments = [queue_settings.broker, queue_settings.prefix, job_id]
+    subprocess.run([sys.executable, "-c", WITHOUT_ROOM, *arguments], check=True, timeout=100)
+    record = store.get(job_id)
+    assert record.error is not None
+    assert (record.status, record.error.type) == (JobStatus.FAILED, FailureType.OUT_OF_MEMORY)
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="reads /proc")
+def test_a_worker_needs_room_for_a_job() -> None:
+    with pytest.raises(WorkerStartError, match=r"ONDELETTE_MEMORY_MIB: 256 MiB .* at least (\d+)") as refusal:
+        require_memory(256)
+    least = int(str(refusal.value).split()[-2])
+    assert least > 256 + ROOM
+    require_memory(least + 64)

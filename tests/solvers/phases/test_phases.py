@@ -18,7 +18,7 @@ from solvers.sampling import resample
 from solvers.sizes import problem_size
 from solvers.spec import check_document
 from solvers.verify import Tolerances
-from tests.solvers.conftest import OSCILLATOR, REGULATOR
+from tests.solvers.conftest import INTEGRATOR, OSCILLATOR, REGULATOR
 from tests.solvers.test_outputs import each_method, result_of
 
 GPM = {"name": "gpm", "nodes": 24}
@@ -272,13 +272,7 @@ def test_what_counts_over_the_whole_flight() -> None:
     """
     document = {
         "problem": {
-            "model": {
-                "kind": "first_order",
-                "states": ["x"],
-                "controls": ["u"],
-                "parameters": {"a": 1},
-                "dynamics": {"x": "a*u"},
-            },
+            "model": INTEGRATOR,
             "final_time": 2,
             "initial_state": {"x": None},
             "boundary_constraints": [{"expression": "x_f - x_0 - 1", "bounds": 0}],

@@ -9,17 +9,12 @@ import pytest
 
 from solvers.errors import DocumentError
 from solvers.spec import check_document
+from tests.solvers.conftest import INTEGRATOR
 
 OTHER_MODEL = {"kind": "first_order", "states": ["y"], "controls": ["u"], "dynamics": {"y": "u"}}
 DOCUMENT: dict[str, Any] = {
     "problem": {
-        "model": {
-            "kind": "first_order",
-            "states": ["x"],
-            "controls": ["u"],
-            "parameters": {"g": 1},
-            "dynamics": {"x": "g*u"},
-        },
+        "model": INTEGRATOR,
         "final_time": 1,
         "initial_state": {"x": 1},
         "objective": {"running": "(x^2 + u^2)/2"},
@@ -74,7 +69,7 @@ def faults(**changes: Any) -> dict[str, str]:
             "outside its bounds",
         ),
         ({"second": {"parameters": {"h": 3}}}, "/problem/phases/1/parameters/h", "unknown parameter"),
-        ({"second": {"parameters": {"g": "k"}}}, "/problem/phases/1/parameters/g", "unknown name 'k'"),
+        ({"second": {"parameters": {"a": "k"}}}, "/problem/phases/1/parameters/a", "unknown name 'k'"),
         (
             {"second": {"path_constraints": [{"expression": "xx", "bounds": 0}]}},
             "/problem/phases/1/path_constraints/0/expression",
