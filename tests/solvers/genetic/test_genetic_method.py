@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from solvers.bases.daubechies import DaubechiesBasis
 from solvers.catalogue import load_case
 from solvers.progress import ProgressReport
 from solvers.sizes import problem_size
@@ -20,6 +21,7 @@ from solvers.solve import solve
 from solvers.spec import check_document
 from solvers.status import SolveStatus
 from solvers.trajectory import Trajectory
+from tests.solvers.transcription.test_daubechies_controls import solved as solved_in
 
 OPTIMA = runpy.run_path(str(Path(__file__).parents[3] / "benchmarks" / "solar_array_optima.py"))
 EXACT, PENALISED = OPTIMA["EXACT"], OPTIMA["PENALISED"]
@@ -251,7 +253,7 @@ def test_a_search_without_polish_runs_into_its_time_limit() -> None:
 
 
 def test_a_search_leaves_time_for_its_polish() -> None:
-    solution = solved("2", {"max_seconds": 6}, variant="classic", generations=2_000_000)
+    solution = solved("2", {"max_seconds": 4}, variant="classic", generations=2_000_000)
     assert solution.success, solution.message
     assert solution.objective == pytest.approx(EXACT["2", 0], rel=1e-7)
     assert solution.warnings[0]["code"] == "search_cut_short"
@@ -273,10 +275,7 @@ def test_a_search_that_never_had_a_value_names_the_expression(regulator: dict[st
     assert "/problem/model/dynamics/x" in solution.message
 
 
-@pytest.mark.parametrize("boundary", ["periodic", "interval"])
-def test_the_size_told_in_advance_is_the_size_of_the_polish(
-    oscillator: dict[str, Any], boundary: str
-) -> None:
+def test_the_size_told_in_advance_is_the_size_of_the_polish(oscillator: dict[str, Any]) -> None:
     problem = oscillator["problem"]
     problem["bounds"] = {"u": [-9, 9], "x": [-2, 2]}
     problem["path_constraints"] = [{"expression": "x + u", "bounds": [-9, 9], "during": [0.25, 0.5]}]
@@ -285,7 +284,7 @@ def test_the_size_told_in_advance_is_the_size_of_the_polish(
         "name": "ga",
         "population": 20,
         "generations": 30,
-        "boundary": boundary,
+        "boundary": "interval",
         "wavelet_levels": 1,
     }
     spec = check_document(oscillator)
@@ -296,6 +295,30 @@ def test_the_size_told_in_advance_is_the_size_of_the_polish(
         solution.statistics.constraints,
     )
     assert size.seconds > 0
+
+
+def test_functions_of_higher_order_come_near_the_optimum_of_any_control_from_above() -> None:
+    basis = {"wavelet": "db3", "boundary": "interval", "scaling_functions": 9, "wavelet_levels": 1}
+    result = solved("1", **basis, generations=60, refine_generations=10).result()
+    assert result["success"], result["message"]
+    assert 0.0 <= result["objective"] / 4.4433674699728 - 1.0 <= 1e-8
+
+
+def test_polished_is_the_optimum_of_the_basis_where_steps_have_to_be_taken(
+    flexible_spacecraft: dict[str, Any],
+) -> None:
+    """Minimum time of the flexible spacecraft: the same by collocation in the basis, from the guess."""
+    flexible_spacecraft["method"] = {
+        "name": "ga",
+        "generations": 20,
+        "boundary": "interval",
+        "scaling_functions": 12,
+    }
+    solution = solve(check_document(flexible_spacecraft))
+    assert solution.success, solution.message
+    basis = DaubechiesBasis(2, 12, 0, periodic=False)
+    expected = solved_in(flexible_spacecraft, basis, basis.answer_level)
+    assert solution.objective == pytest.approx(expected.objective, rel=1e-9)
 
 
 def test_minimum_time_with_a_bounded_control(rigid_body: dict[str, Any]) -> None:

@@ -8,6 +8,8 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
+from solvers.arrays.compiled import CompiledKernel
+from solvers.arrays.kernel import NumpyKernel
 from solvers.arrays.structure import depends_on
 from solvers.backends import NUMPY
 from solvers.bases.daubechies import DaubechiesBasis
@@ -18,9 +20,10 @@ from solvers.genetic.model import ArrayModel
 from solvers.genetic.quadrature import QuadratureSimulator, find_chains
 from solvers.genetic.runge_kutta import RungeKuttaSimulator
 from solvers.genetic.simulators import simulator_of
+from solvers.genetic.stage import Stages
 from solvers.problem import OptimalControlProblem
 from solvers.scaling import automatic_scaling
-from solvers.spec import check_document
+from solvers.spec import GeneticMethod, check_document
 
 
 def model_of(document: dict[str, Any]) -> ArrayModel:
@@ -128,6 +131,46 @@ def test_quadrature_and_runge_kutta_agree() -> None:
     np.testing.assert_allclose(first.integrals, second.integrals, atol=2e-4)
     np.testing.assert_allclose(first.violation, second.violation, rtol=2e-3)
     assert np.all(first.violation > 0)
+
+
+@pytest.fixture(scope="module")
+def solar_array() -> Genome:
+    return genome_of(model_of(load_case("solar_array_2")), DaubechiesBasis(2, 5))
+
+
+def test_the_attitude_of_the_solar_array_on_80_intervals(solar_array: Genome) -> None:
+    model = ArrayModel(solar_array.problem)
+    individuals = solar_array.read(np.random.default_rng(0).standard_normal((300, 15)))
+    search = simulator_of(model, solar_array)
+    fine = QuadratureSimulator(model, solar_array, find_chains(model), 8)
+    assert search._weights.size == 81
+    turned, exact = (simulator.simulate(individuals).final[0] for simulator in (search, fine))
+    assert np.abs(turned - exact).max() <= 1e-4
+
+
+def test_compiled_populations_are_those_of_numpy(
+    solar_array: Genome, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    model = ArrayModel(solar_array.problem)
+    genes = population(solar_array, 48)
+    found = []
+    for kernel in (NumpyKernel, CompiledKernel):
+        monkeypatch.setattr("solvers.arrays.kernel.fastest_kernel", lambda kernel=kernel: kernel)
+        found.append(Fitness(model, solar_array, simulator_of(model, solar_array), 100.0)(genes))
+    np.testing.assert_allclose(*found, rtol=1e-12)
+
+
+def test_ends_that_are_linear_in_the_genes_are_met_by_all_that_is_searched(solar_array: Genome) -> None:
+    method = GeneticMethod(name="ga")
+    stage = Stages.of(solar_array.problem, solar_array.scaling, method, None).at(0)
+    assert stage.coordinates.size == 15 - 3  # of four ends the attitude alone is not linear
+    genes = stage.coordinates.genes(np.random.default_rng(0).standard_normal((20, 12)))
+    final = stage.fitness.simulator.simulate(solar_array.read(genes)).final
+    np.testing.assert_allclose(final[1:], np.array([[0.5], [1.0], [1.0]]) * np.pi * np.ones(20), atol=1e-12)
+    assert np.ptp(final[0]) > 0.1
+    for soft in ({"polish": "penalty"}, {"variant": "classic"}):
+        other = Stages.of(solar_array.problem, solar_array.scaling, GeneticMethod(name="ga", **soft), None)
+        assert other.at(0).coordinates.size == 15
 
 
 def test_the_cost_of_a_quadratic_form_is_exact() -> None:
