@@ -29,10 +29,9 @@ class Islands:
         self._companions: dict[Connection, Companion] = {}
         self.records: dict[int, Record] = {}
 
-    @property
-    def idle(self) -> bool:
-        """Whether an island has nothing to do."""
-        return None in self._busy.values()
+    def may_begin(self, first: int) -> bool:
+        """Whether an island has nothing to do, and not too many runs went on ahead of the ``first`` one."""
+        return None in self._busy.values() and len(self.records) < first + 2 * self._count
 
     def order(self, order: Order) -> None:
         """Give an idle island a run. Raises CompanionError where its process has ended."""

@@ -135,7 +135,7 @@ class Search:
         with islands:
             try:
                 while self._allowed(number := len(self.runs)):
-                    while islands.idle and (generations := self._allowed(len(islands.records))):
+                    while islands.may_begin(number) and (generations := self._allowed(len(islands.records))):
                         islands.order(Order(len(islands.records), generations))
                     islands.listen()
                     if islands.records[number].ended:
