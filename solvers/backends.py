@@ -64,9 +64,10 @@ def _solve_pair(a: Any, b: Any, c: Any, d: Any, e: Any, f: Any) -> list[Any]:
     LAPACK is called once for each place, which takes many times as long.
     """
     swap = np.abs(c) > np.abs(a)
-    a, c = np.where(swap, c, a), np.where(swap, a, c)
-    b, d = np.where(swap, d, b), np.where(swap, b, d)
-    e, f = np.where(swap, f, e), np.where(swap, e, f)
+    if np.any(swap):
+        a, c = np.where(swap, c, a), np.where(swap, a, c)
+        b, d = np.where(swap, d, b), np.where(swap, b, d)
+        e, f = np.where(swap, f, e), np.where(swap, e, f)
     with np.errstate(all="ignore"):
         factor = c / a
         pivot = d - factor * b
