@@ -78,6 +78,11 @@ class NonlinearProgram:
         return int(self.constraint_lower.size)
 
     @property
+    def operations(self) -> int:
+        """How many operations all F_g at all their places take."""
+        return sum(group.function.n_instructions() * group.places for group in self.groups)
+
+    @property
     def numbers(self) -> Vector:
         """All P_g as one vector, column after column: the parameter of the compiled program."""
         return np.concatenate([group.numbers.ravel(order="F") for group in self.groups])
@@ -121,19 +126,21 @@ class NonlinearProgram:
 
 @dataclass(frozen=True)
 class CompiledProgram:
-    """The functions that an optimizer calls, over CasADi MX in (w, p) with p = ``NonlinearProgram.numbers``.
+    """The functions that an optimizer calls, of w and of p = ``NonlinearProgram.numbers``.
 
-    ``objective`` (w, p) -> J; ``constraints`` (w, p) -> c; ``gradient`` (w, p) -> (J, dJ/dw);
-    ``jacobian`` (w, p) -> (c, dc/dw); ``hessian`` (w, p, sigma, lambda) -> upper triangle, of the Lagrangian.
+    ``program`` (w, p) -> (J, c); ``gradient`` (w, p) -> (J, dJ/dw); ``jacobian`` (w, p) -> (c, dc/dw);
+    ``hessian`` (w, p, sigma, lambda) -> upper triangle, of the Lagrangian.
     """
 
-    w: ca.MX
-    p: ca.MX
-    objective: ca.MX
-    constraints: ca.MX
+    program: ca.Function
     gradient: ca.Function
     jacobian: ca.Function
     hessian: ca.Function
+
+    def unrolled(self) -> CompiledProgram:
+        """The same as straight code over scalars, place after place: faster, and larger."""
+        every = (self.program, self.gradient, self.jacobian, self.hessian)
+        return CompiledProgram(*(function.expand() for function in every))
 
 
 def compile_program(program: NonlinearProgram) -> CompiledProgram:
@@ -169,10 +176,7 @@ def compile_program(program: NonlinearProgram) -> CompiledProgram:
         if curvatures is not None:
             hessian.add(*places.hessian_pattern(), curvatures)
     return CompiledProgram(
-        w,
-        p,
-        objective,
-        constraints,
+        ca.Function("nlp", [w, p], [objective, constraints], ["x", "p"], ["f", "g"]),
         ca.Function("nlp_grad_f", [w, p], [objective, ca.densify(gradient)], ["x", "p"], ["f", "grad_f_x"]),
         ca.Function("nlp_jac_g", [w, p], [constraints, jacobian.matrix()], ["x", "p"], ["g", "jac_g_x"]),
         ca.Function(

@@ -1,10 +1,10 @@
-"""Flying a model along a control that is linear piece by piece: DOP853 with the whole step compiled.
+"""Flying a model along a control that is linear piece by piece: Runge-Kutta with the whole step compiled.
 
-The twelve evaluations of a step and its error estimate are one CasADi function, called through buffers; the
-choice of the step stays outside.
+The evaluations of a step (twelve of DOP853, six of RK45) and its error estimate are one CasADi function,
+called through buffers; the choice of the step stays outside.
 
-Source: Hairer, Norsett, Wanner, Solving Ordinary Differential Equations I, Springer 1993, II.10; coefficients
-and error estimate as in scipy.integrate.DOP853.
+Source: Hairer, Norsett, Wanner, Solving Ordinary Differential Equations I, Springer 1993, II.5 and II.10;
+coefficients and error estimates as in scipy.integrate.RK45 and DOP853.
 """
 
 from __future__ import annotations
@@ -12,14 +12,15 @@ from __future__ import annotations
 import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
-from scipy.integrate import DOP853
+from scipy.integrate import DOP853, RK45
 
 from solvers.errors import OndeletteError
 
 Vector = NDArray[np.float64]
 
+Scheme = type[DOP853] | type[RK45]
+
 _SAFETY, _LEAST, _MOST = 0.9, 0.2, 5.0
-_EXPONENT = -1.0 / 8.0
 _SMALLEST = 1e-6  # the least size of a state
 _SHORTEST = 1e-12  # of a piece: below it the rate is not finite, or the state runs away
 
@@ -37,14 +38,17 @@ class Flow:
 
     The error of a step stays below ``rtol`` of the size of each of the first ``watched`` states (all of them
     without it): the largest that it has had, or changes by over a piece. Others, such as a running cost, ride
-    along.
+    along. ``scheme``: DOP853 of order 8, or RK45 of order 5, cheaper where the tolerance is loose.
     """
 
-    def __init__(self, rate: ca.Function, rtol: float, watched: int | None = None) -> None:
+    def __init__(
+        self, rate: ca.Function, rtol: float, watched: int | None = None, scheme: Scheme = DOP853
+    ) -> None:
         size = int(rate.size1_in(0))
         self._rtol = rtol
+        self._exponent = -1.0 / (scheme.error_estimator_order + 1)
         self._rate = _Buffered(rate)
-        self._step = _Buffered(_step_function(rate, size if watched is None else watched))
+        self._step = _Buffered(_step_function(rate, size if watched is None else watched, scheme))
         self._sizes = np.full(size, _SMALLEST)
         self._length = np.inf
 
@@ -66,14 +70,14 @@ class Flow:
             length = t1 - time if last else length
             new, new_slope, error = self._step(state, slope, time, length, t0, span, u0, u1, kept, watch)
             if not error[0] <= 1.0:
-                factor = _SAFETY * error[0] ** _EXPONENT if np.isfinite(error[0]) else _LEAST
+                factor = _SAFETY * error[0] ** self._exponent if np.isfinite(error[0]) else _LEAST
                 length *= max(_LEAST, factor)
                 if length < _SHORTEST * span:
                     raise RunawayError(time)
                 continue
             time = t1 if last else time + length
             state, slope = new, new_slope
-            growth = _MOST if error[0] == 0.0 else min(_MOST, _SAFETY * error[0] ** _EXPONENT)
+            growth = _MOST if error[0] == 0.0 else min(_MOST, _SAFETY * error[0] ** self._exponent)
             if not last or growth < 1.0:
                 length *= growth
             self._length = length * (growth if last else 1.0)
@@ -101,7 +105,7 @@ class _Buffered:
         return [output.copy() for output in self._outputs]
 
 
-def _step_function(rate: ca.Function, watched: int) -> ca.Function:
+def _step_function(rate: ca.Function, watched: int, scheme: Scheme) -> ca.Function:
     """(x, x', t, h, start and span of the piece, u0, u1, held, 1/tolerance) -> x, x', error after a step."""
     size, controls = rate.size1_in(0), rate.size1_in(1)
     x, slope = ca.MX.sym("x", size), ca.MX.sym("slope", size)
@@ -118,13 +122,18 @@ def _step_function(rate: ca.Function, watched: int) -> ca.Function:
         return sum(used[1:], start=used[0])
 
     slopes = [slope]
-    for row, part in zip(DOP853.A[1:], DOP853.C[1:], strict=True):
+    for row, part in zip(scheme.A[1:], scheme.C[1:], strict=True):
         slopes.append(at(x + h * combined(row[: len(slopes)], slopes), float(part)))
-    new = x + h * combined(DOP853.B, slopes)
+    new = x + h * combined(scheme.B, slopes)
     slopes.append(at(new, 1.0))
-    fifth, third = (
-        ca.sumsqr((combined(weights, slopes) * watch)[:watched]) for weights in (DOP853.E5, DOP853.E3)
-    )
-    error = ca.fabs(h) * fifth / ca.sqrt((fifth + 0.01 * third + 1e-300) * watched)
+
+    def off(weights: Vector) -> ca.MX:
+        return ca.sumsqr((combined(weights, slopes) * watch)[:watched])
+
+    if scheme is DOP853:
+        fifth, third = off(DOP853.E5), off(DOP853.E3)
+        error = ca.fabs(h) * fifth / ca.sqrt((fifth + 0.01 * third + 1e-300) * watched)
+    else:
+        error = ca.fabs(h) * ca.sqrt(off(scheme.E) / watched)
     inputs = [x, slope, t, h, start, span, u0, u1, held, watch]
     return ca.Function("step", inputs, [new, slopes[-1], error])

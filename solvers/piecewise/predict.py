@@ -14,6 +14,7 @@ from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.integrate import RK45
 
 from solvers.optimizers.ipopt import Ipopt, Iterate, Limits, Outcome
 from solvers.piecewise.flow import Flow, RunawayError
@@ -29,7 +30,8 @@ from solvers.status import SolveStatus
 
 Vector = NDArray[np.float64]
 
-_FLIGHT_TOLERANCE = 1e-9
+# Of the simulated tracker, which flies a simple model: a finer flight of it says no more about the plant.
+_FLIGHT_TOLERANCE = 1e-6
 _HALF = 0.5  # the chapter's share of the last error
 # A segment of unknown length takes at least this part of the guess, so that nothing divides by zero.
 _SHORTEST = 1e-3
@@ -44,7 +46,7 @@ class Predictor:
         self._model: SimpleModel = setup.model
         self._plan: Plan = setup.plan
         self._tracker: Tracker = setup.tracker
-        self._flow = Flow(self._model.whole_rate, _FLIGHT_TOLERANCE)
+        self._flow = Flow(self._model.whole_rate, _FLIGHT_TOLERANCE, scheme=RK45)
         self._horizons: dict[Mesh, Horizon] = {}
         self._optimizers: dict[tuple[Mesh, bool], Ipopt] = {}
         self._solution: tuple[Vector, Vector, Vector] | None = None  # times, states, controls of the last one
@@ -138,6 +140,7 @@ class Predictor:
             max_iterations=setup.max_iterations,
             warm=warm,
             barrier=_BARRIER,
+            repeated=True,
         )
         self._optimizers[mesh, warm] = optimizer
         return horizon, wanted, optimizer.minimise(program, limits, _unheard)

@@ -11,7 +11,7 @@ import pytest
 from solvers.bases.daubechies import DaubechiesBasis
 from solvers.bases.graded import GradedKnots
 from solvers.problem import OptimalControlProblem
-from solvers.program import NonlinearProgram, compile_program
+from solvers.program import CompiledProgram, NonlinearProgram, compile_program
 from solvers.scaling import automatic_scaling
 from solvers.spec import check_document
 from solvers.transcription.base import Transcription
@@ -65,6 +65,13 @@ def point(program: NonlinearProgram, seed: int = 1) -> np.ndarray:
     return program.initial + 0.1 * np.random.default_rng(seed).standard_normal(program.variables)
 
 
+def parts(compiled: CompiledProgram) -> tuple[ca.Function, ca.Function]:
+    """J and c apart."""
+    w, p = compiled.program.mx_in()
+    objective, rows = compiled.program(w, p)
+    return ca.Function("cost", [w, p], [objective]), ca.Function("rows", [w, p], [rows])
+
+
 def central_differences(function: ca.Function, w: np.ndarray, *rest: Any) -> np.ndarray:
     """d(first output)/dw, column by column."""
     columns = []
@@ -77,8 +84,7 @@ def central_differences(function: ca.Function, w: np.ndarray, *rest: Any) -> np.
 def test_jacobian_and_gradient_match_differences(program: NonlinearProgram) -> None:
     compiled = compile_program(program)
     w, p = point(program), program.numbers
-    rows = ca.Function("rows", [compiled.w, compiled.p], [compiled.constraints])
-    cost = ca.Function("cost", [compiled.w, compiled.p], [compiled.objective])
+    cost, rows = parts(compiled)
     jacobian = np.asarray(compiled.jacobian(w, p)[1])
     gradient = np.asarray(compiled.gradient(w, p)[1]).ravel()
     np.testing.assert_allclose(jacobian, central_differences(rows, w, p), atol=1e-7, rtol=1e-6)
@@ -101,15 +107,26 @@ def test_hessian_matches_differences_of_the_lagrangian_gradient(program: Nonline
     assert np.all(np.tril(upper, -1) == 0.0)
 
 
+def test_unrolled_functions_are_the_same(program: NonlinearProgram) -> None:
+    compiled = compile_program(program)
+    unrolled = compiled.unrolled()
+    w, p, multipliers = point(program), program.numbers, np.linspace(-1.0, 1.0, program.constraints)
+    arguments = dict.fromkeys(("program", "gradient", "jacobian"), (w, p))
+    for name, values in (arguments | {"hessian": (w, p, 0.7, multipliers)}).items():
+        plain, straight = (getattr(form, name).call(list(values)) for form in (compiled, unrolled))
+        for one, other in zip(plain, straight, strict=True):
+            np.testing.assert_allclose(other.full(), one.full(), rtol=1e-12, atol=1e-12)
+            assert other.sparsity() == one.sparsity()
+
+
 def test_numbers_are_not_baked_into_the_graph(flexible_spacecraft: dict[str, Any]) -> None:
     """The same compiled functions serve another stiffness: only the column of numbers changes."""
     soft = transcribe("swcm", flexible_spacecraft).program()
     flexible_spacecraft["problem"]["model"]["parameters"]["k"] = 150
     stiff = transcribe("swcm", flexible_spacecraft).program()
     compiled = compile_program(soft)
-    rows = ca.Function("rows", [compiled.w, compiled.p], [compiled.constraints])
-    own = compile_program(stiff)
-    own_rows = ca.Function("rows", [own.w, own.p], [own.constraints])
+    _, rows = parts(compiled)
+    _, own_rows = parts(compile_program(stiff))
     w = point(soft)
     np.testing.assert_allclose(
         np.asarray(rows(w, stiff.numbers)), np.asarray(own_rows(w, stiff.numbers)), rtol=1e-14

@@ -6,9 +6,9 @@ import casadi as ca
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from scipy.integrate import solve_ivp
+from scipy.integrate import DOP853, RK45, solve_ivp
 
-from solvers.piecewise.flow import Flow, RunawayError
+from solvers.piecewise.flow import Flow, RunawayError, Scheme
 
 Vector = NDArray[np.float64]
 
@@ -25,9 +25,10 @@ def test_a_ramp_of_the_control_is_integrated_exactly() -> None:
     np.testing.assert_allclose(end, [1 + 2 * 2 + 4.5 * 2 - 3 * 8 / 6, 2 + 4.5 * 2 - 3 * 4 / 2], rtol=1e-13)
 
 
-@pytest.mark.parametrize("rtol", [1e-6, 1e-9, 1e-11])
-def test_the_tolerance_is_kept(rtol: float) -> None:
-    flow = Flow(rate_of(2, lambda x, u, t, held: (x[1], -ca.sin(x[0]) + u[0] * ca.cos(3 * t))), rtol)
+@pytest.mark.parametrize(("scheme", "rtol"), [(DOP853, 1e-6), (DOP853, 1e-9), (DOP853, 1e-11), (RK45, 1e-6)])
+def test_the_tolerance_is_kept(scheme: Scheme, rtol: float) -> None:
+    rate = rate_of(2, lambda x, u, t, held: (x[1], -ca.sin(x[0]) + u[0] * ca.cos(3 * t)))
+    flow = Flow(rate, rtol, scheme=scheme)
     start, u = np.array([1.0, 0.0]), np.array([0.3])
     end = flow.fly(start, 0.0, 20.0, u, u, np.zeros(1))
     exact = solve_ivp(
