@@ -1,5 +1,7 @@
 """The piecewise cases: final times and bounds beside baselines, and two processes against one.
 
+.venv/bin/python benchmarks/piecewise.py [missions] [gains] [yardstick] [baseline] [starts] [schedules]
+
 ``parallel`` and ``sequential`` are whole missions, flown with the predictor in a process of its own and in
 this one; ``wait`` is the median time between the end of a tracking and the beginning of the next.
 """
@@ -12,6 +14,7 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 import copy
 import math
+import sys
 import time
 from collections.abc import Callable
 from typing import Any
@@ -19,10 +22,12 @@ from typing import Any
 import numpy as np
 
 from solvers.catalogue import load_case
+from solvers.optimizers.ipopt import Limits
 from solvers.piecewise.messages import First
 from solvers.piecewise.mission import Mission, fly_mission
 from solvers.piecewise.plant import Plant
 from solvers.piecewise.plant_flight import CompiledPlant, PlantFlight
+from solvers.piecewise.predict import CHAPTER_SHARE, Predictor
 from solvers.piecewise.remote import LocalPredictor, RemotePredictor
 from solvers.piecewise.setup import Setup
 from solvers.piecewise.stop import StopWatch
@@ -34,6 +39,8 @@ Document = dict[str, Any]
 
 # The rule of the switch: where the pitch is larger and rises the current is off for so long.
 ON_OFF_CURRENT, ON_OFF_PITCH, ON_OFF_SECONDS = 0.4, math.radians(20.0), 600.0
+
+SIDES = 8
 
 
 def variant(name: str, change: Callable[[Document], object]) -> Document:
@@ -114,7 +121,7 @@ def on_off(name: str) -> str:
     pitch = roll = on_again = charged = 0.0
     length, step = float(setup.method.segments.length or 0.0), 60.0
     while met is None and t < problem.final_time[1]:
-        times, seen = [t], [flight.see(state, t)]
+        times, seen, currents = [t], [flight.see(state, t)], []
         while t < times[0] + length - 1e-6:
             pitched, rising = seen[-1][:2]
             if t >= on_again and pitched > ON_OFF_PITCH and rising > 0.0:
@@ -124,50 +131,76 @@ def on_off(name: str) -> str:
             state = flight.fly(state, t, t + step, current, current)
             t += step
             times.append(t)
+            currents.append(current)
             seen.append(flight.see(state, t))
         shown = np.array(seen).T
         pitch, roll = max(pitch, np.abs(shown[0]).max()), max(roll, np.abs(shown[2]).max())
-        met = stop.met(np.array(times), shown)
+        met = stop.met(np.array(times), shown, np.array([*currents, current]).T)
     hours = "never" if met is None else f"{met / 3600:.1f} h"
     angles = f"{math.degrees(pitch):.0f}, {math.degrees(roll):.0f} deg"
     return f"| on-off, {name} | {hours} | {angles} | {charged / t:.2f} |"
 
 
-def flown(document: Document, *, parallel: bool) -> tuple[Mission, float]:
-    """A mission by two processes or by one, and its seconds from the first prediction's end."""
+def flown(document: Document, *, parallel: bool, share: float = CHAPTER_SHARE) -> Mission:
+    """A mission by two processes or by one."""
     spec = check_document(document)
     setup = Setup.of(spec)
     plant = CompiledPlant(Plant.of(spec.problem, setup.method.plant, setup.problem))
     if parallel:
         with RemotePredictor(spec.resolved().document) as there:
             there.ask(First(600.0))
-            mission = fly_mission(setup, there, plant, SilentProgress(), math.inf)
-    else:
-        here = LocalPredictor(setup)
-        here.ask(First(600.0))
-        mission = fly_mission(setup, here, plant, SilentProgress(), math.inf)
-    return mission, mission.seconds
+            return fly_mission(setup, there, plant, SilentProgress(), math.inf)
+    here = LocalPredictor(Predictor(setup, share))
+    here.ask(First(600.0))
+    return fly_mission(setup, here, plant, SilentProgress(), math.inf)
+
+
+def from_start(side: int, share: float) -> tuple[float, float, float]:
+    """The published scheme from a side of the Earth: hours, pitch and roll in deg."""
+    document = variant("edt_igrf", dipole_predictions)
+    document["problem"]["initial_state"]["lon"] = side * 2 * math.pi / SIDES
+    mission = flown(document, parallel=False, share=share)
+    seen = np.degrees(np.abs(np.hstack([segment.track.seen for segment in mission.segments])).max(axis=1))
+    assert mission.stopped_at is not None
+    return mission.stopped_at / 3600.0, float(seen[0]), float(seen[2])
+
+
+def gains(name: str) -> str:
+    """All gains of a segment, with the derivatives they are made of: the fastest of some."""
+    setup = Setup.of(check_document(load_case(name)))
+    reference = Predictor(setup).first(Limits(math.inf, lambda: False))
+    times = []
+    for _ in range(30):
+        started = time.perf_counter()
+        setup.tracker.gains(reference)
+        times.append(time.perf_counter() - started)
+    return f"| {name} | {len(setup.model.driven)} | {setup.plan.nodes} | {1e3 * min(times):.2f} |"
 
 
 def overlap(label: str, document: Document, runs: int = 3) -> str:
     """One line of the table of schedules: the fastest of some runs."""
-    apart, apart_seconds = min((flown(document, parallel=True) for _ in range(runs)), key=lambda run: run[1])
-    alone, alone_seconds = min((flown(document, parallel=False) for _ in range(runs)), key=lambda run: run[1])
+    apart, alone = (
+        min((flown(document, parallel=way) for _ in range(runs)), key=lambda mission: mission.seconds)
+        for way in (True, False)
+    )
     predicted = sum(segment.reference.seconds for segment in alone.segments[1:])
     tracked = sum(segment.tracking_seconds for segment in alone.segments)
     wait = 1e3 * float(np.median([segment.wait for segment in apart.segments[1:]]))
     ideal = (predicted + tracked) / max(predicted, tracked)
     return (
-        f"| {label} | {predicted:.2f} + {tracked:.2f} | {alone_seconds:.2f} | {apart_seconds:.2f} "
-        f"| {alone_seconds / apart_seconds:.2f} | {ideal:.2f} | {wait:.1f} |"
+        f"| {label} | {predicted:.2f} + {tracked:.2f} | {alone.seconds:.2f} | {apart.seconds:.2f} "
+        f"| {alone.seconds / apart.seconds:.2f} | {ideal:.2f} | {wait:.1f} |"
     )
 
 
-def main() -> None:
-    """Print the tables."""
-    heads = "mission", "status", "final time", "largest angles", "tracking error", "predict, ms", "track, ms"
-    print(f"\n| {' | '.join(heads)} | wall, s |")
-    print("|---|---|---|---|---|---|---|---|")
+def head(*names: str) -> None:
+    """The head of a table."""
+    print(f"\n| {' | '.join(names)} |\n|{'---|' * len(names)}")
+
+
+def missions() -> None:
+    """The cases, and the published scheme."""
+    head("mission", "status", "final time", "largest angles", "error", "predict, ms", "track, ms", "wall, s")
     for label, document in (
         ("pse", load_case("pse")),
         ("pse, as published", variant("pse", small_angles)),
@@ -177,19 +210,56 @@ def main() -> None:
         ("edt_igrf, as published", variant("edt_igrf", dipole_predictions)),
     ):
         print(row(label, document), flush=True)
-    print("\n| the elevator's whole way as one problem | status | final time | th1 |")
-    print("|---|---|---|---|")
+
+
+def gain_times() -> None:
+    """What the gains of a segment take."""
+    head("gains", "states", "nodes", "ms")
+    for name in ("pse", "edt_igrf"):
+        print(gains(name), flush=True)
+
+
+def yardstick() -> None:
+    """What no mission of the elevator can beat."""
+    head("the elevator's whole way as one problem", "status", "final time", "th1")
     for model in ("pse", "pse_exact"):
         print(whole_transfer(model), flush=True)
-    print("\n| baseline | to 700 km | pitch, roll | duty |")
-    print("|---|---|---|---|")
+
+
+def baseline() -> None:
+    """The deorbit by a switch."""
+    head("baseline", "to 700 km", "pitch, roll", "duty")
     for name in ("edt_dipole", "edt_igrf"):
         print(on_off(name), flush=True)
-    print("\n| schedule | predict + track, s | sequential, s | parallel, s | ratio | ideal | wait, ms |")
-    print("|---|---|---|---|---|---|---|")
+
+
+def starts() -> None:
+    """The published scheme from all sides of the Earth, by shares of the last error."""
+    head("as published in IGRF, start, deg", "share of the last error", "hours", "pitch, deg", "roll, deg")
+    for share in (0.0, CHAPTER_SHARE):
+        for side in range(SIDES):
+            hours, pitch, roll = from_start(side, share)
+            print(
+                f"| {360 * side / SIDES:.0f} | {share} | {hours:.2f} | {pitch:.1f} | {roll:.1f} |", flush=True
+            )
+
+
+def schedules() -> None:
+    """Two processes against one."""
+    head("schedule", "predict + track, s", "sequential, s", "parallel, s", "ratio", "ideal", "wait, ms")
     for name in ("edt_igrf", "edt_dipole", "pse"):
         print(overlap(name, load_case(name)), flush=True)
 
 
+TABLES = {
+    "missions": missions,
+    "gains": gain_times,
+    "yardstick": yardstick,
+    "baseline": baseline,
+    "starts": starts,
+    "schedules": schedules,
+}
+
 if __name__ == "__main__":
-    main()
+    for table in (sys.argv[1:] if sys.argv[0].endswith("piecewise.py") else []) or TABLES:
+        TABLES[table]()

@@ -271,10 +271,15 @@ class OptimalControlProblem:
         parameters: Parameters,
         backend: Backend,
         integrals: Values = (),
+        wanted: Collection[str] | None = None,
     ) -> dict[str, Any]:
-        """Name the (states, controls, time) of both ends and the integrals as expressions there know them."""
+        """Name the (states, controls, time) of both ends and the integrals as expressions there know them.
+
+        ``wanted``: names among which outputs are looked for; by default those of the document's expressions.
+        """
+        wanted = self.named_at_the_ends if wanted is None else wanted
         return {
-            **self.end_scope(final, parameters, backend, self.named_at_the_ends),
+            **self.end_scope(final, parameters, backend, wanted),
             **self._named("_0", *initial[:2]),
             **{item.name: value for item, value in zip(self.integrals, integrals, strict=True)},
             "t0": initial[2],

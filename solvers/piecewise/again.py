@@ -64,6 +64,7 @@ def _stopped(
         watch.met(
             np.array(segment["tracked"]["t"]),
             np.array([segment["tracked"]["states"][name] for name in problem.states]),
+            np.array([segment["tracked"]["controls"][name] for name in problem.controls]),
         )
         is not None
         for segment in result["segments"]

@@ -192,7 +192,7 @@ def _report(problem: OptimalControlProblem, segment: Segment) -> dict[str, Any]:
         "tracked": {
             "t": track.times.tolist(),
             "states": _named(problem.states, track.seen),
-            "controls": _named(problem.controls, np.vstack([track.before, track.after[-1:]]).T),
+            "controls": _named(problem.controls, track.controls),
         },
         "gap": _named(problem.states, off[:, 0]),
         "error_rms": _named(problem.states, np.sqrt(np.mean(off**2, axis=1))),

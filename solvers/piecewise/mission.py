@@ -147,9 +147,10 @@ def _fly(
         mission.segments.append(Segment(reference, track, np.array(flight.held), tracked - started, wait))
         mission.seconds = tracked - begun
         state = track.states[-1]
-        progress.report(_report(mission, setup, index))
-        mission.stopped_at = stop.met(track.times, track.seen)
-        if mission.stopped_at is not None or index + 1 == count:
+        mission.stopped_at = stop.met(track.times, track.seen, track.controls)
+        over = mission.stopped_at is not None or index + 1 == count
+        progress.report(_report(mission, setup, index, 1.0 if over else (index + 1) / count))
+        if over:
             return
         reference = predictions.take(watch)
 
@@ -172,11 +173,11 @@ def _judge(mission: Mission, reference: Reference) -> None:
         raise _Stopped
 
 
-def _report(mission: Mission, setup: Setup, index: int) -> ProgressReport:
+def _report(mission: Mission, setup: Setup, index: int, fraction: float) -> ProgressReport:
     last = mission.segments[-1]
     return ProgressReport(
         f"segment {index + 1} of {setup.plan.count}",
         sum(segment.reference.iterations for segment in mission.segments),
         float(last.track.states[-1, -1]),
-        fraction=(index + 1) / setup.plan.count,
+        fraction=fraction,
     )

@@ -32,17 +32,22 @@ Vector = NDArray[np.float64]
 
 # Of the simulated tracker, which flies a simple model: a finer flight of it says no more about the plant.
 _FLIGHT_TOLERANCE = 1e-6
-_HALF = 0.5  # the chapter's share of the last error
+CHAPTER_SHARE = 0.5
+"""How much of the last error the published scheme adds to its start."""
 # A segment of unknown length takes at least this part of the guess, so that nothing divides by zero.
 _SHORTEST = 1e-3
 _BARRIER = 1e-2
 
 
 class Predictor:
-    """Predicts segment after segment; keeps the last solution as the next guess."""
+    """Predicts segment after segment; keeps the last solution as the next guess.
 
-    def __init__(self, setup: Setup) -> None:
+    ``share`` of the last error is what the scheme ``chapter`` adds to its start.
+    """
+
+    def __init__(self, setup: Setup, share: float = CHAPTER_SHARE) -> None:
         self._setup = setup
+        self._share = share
         self._model: SimpleModel = setup.model
         self._plan: Plan = setup.plan
         self._tracker: Tracker = setup.tracker
@@ -64,7 +69,7 @@ class Predictor:
         if self._setup.scheme == "chapter":
             start = reference.end.copy()
             if self._ends:
-                start += _HALF * (true_start - self._ends[-1])
+                start += self._share * (true_start - self._ends[-1])
             self._ends.append(reference.end)
         else:
             start = self._expected_end(reference, true_start)

@@ -11,7 +11,6 @@ from solvers.optimizers.ipopt import Limits
 from solvers.piecewise.messages import First, Request
 from solvers.piecewise.predict import Predictor
 from solvers.piecewise.reference import Reference
-from solvers.piecewise.setup import Setup
 
 _GLANCE = 0.02
 """Seconds between two looks at whether somebody wants to stop."""
@@ -52,8 +51,8 @@ class RemotePredictor(Companion):
 class LocalPredictor:
     """A predictor in this process: what is asked is worked out when it is taken, one after the other."""
 
-    def __init__(self, setup: Setup) -> None:
-        self._predictor = Predictor(setup)
+    def __init__(self, predictor: Predictor) -> None:
+        self._predictor = predictor
         self._request: Request = First(0.0)
         self._last: Reference | None = None
 

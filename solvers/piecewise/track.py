@@ -51,6 +51,11 @@ class Track:
     before: Vector
     after: Vector
 
+    @property
+    def controls(self) -> Vector:
+        """The control at every instant, (m, N + 1); where it jumps, its right side."""
+        return np.vstack([self.before, self.after[-1:]]).T
+
 
 @dataclass(frozen=True)
 class Tracker:

@@ -91,16 +91,16 @@ class Segments(SpecModel):
 
 
 class Stop(SpecModel):
-    """What ends the mission: an expression of the state that comes within bounds."""
+    """What ends the mission: a boundary constraint that is met on the way."""
 
     name: Annotated[str, Text(200)] = ""
     """A name for the result."""
     expression: BoundaryExpression
-    """Expression in <state>_f, parameters and tf along the tracked trajectory."""
+    """Expression as in boundary constraints, the tracked flight so far being the whole."""
     bounds: Bound
     """Where its value ends the mission."""
     average: Annotated[bool | None, Flag()] = None
-    """Whether <state>_f are means over a segment, taken at its middle, instead of instants."""
+    """Whether the end is a mean over a segment, taken at its middle, instead of an instant."""
 
 
 class Tracking(SpecModel):

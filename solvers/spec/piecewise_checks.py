@@ -11,7 +11,7 @@ from solvers.expressions import parse, quoted
 from solvers.spec.checks import check_bound
 from solvers.spec.faults import Flaws
 from solvers.spec.scope import Scope, mapping
-from solvers.spec.values import FREE, Interval
+from solvers.spec.values import FREE, Interval, evaluate_constant
 
 MOST_SEGMENTS = 10_000
 
@@ -36,21 +36,38 @@ def check_piecewise(scope: Scope, flaws: Flaws) -> None:
                 place,
             )
     _check_segments(scope, method, flaws)
-    _check_stop(scope, method, flaws)
+    _check_stop(scope, mapping(method.get("stop")), flaws)
 
 
-def _check_stop(scope: Scope, method: dict[str, Any], flaws: Flaws) -> None:
-    """The stop is judged along the way: it names states there, not controls or the start."""
-    expression = mapping(method.get("stop")).get("expression")
-    known = scope.parameter_names.union((f"{name}_f" for name in scope.states), ("tf",))
+def _check_stop(scope: Scope, stop: dict[str, Any], flaws: Flaws) -> None:
+    """A stop that is met where the mission begins; what controls and outputs are there is not known yet."""
+    expression, start = stop.get("expression"), _start(scope)
+    if stop.get("average") or not isinstance(expression, str) or start is None:
+        return
     try:
-        names = parse(expression).undefined(known) if isinstance(expression, str) else []
+        if not parse(expression).names <= start.keys():
+            return
+        value = evaluate_constant(expression, start)
     except ExpressionError:
-        return  # reported where it stands
-    for name in names:
-        if name in scope.boundary_names:
-            detail = f"the name {quoted(name)} cannot be used here; a stop has <state>_f, parameters and tf"
-            flaws.add(detail, "method", "stop", "expression")
+        return  # reported where it stands, or not a number there
+    bounds = check_bound(stop.get("bounds"), scope, Flaws())
+    if bounds is not None and bounds[0] <= value <= bounds[1]:
+        detail = f"is met at the start, where the expression is {value:g}: the mission would be over"
+        flaws.add(detail, "method", "stop")
+
+
+def _start(scope: Scope) -> dict[str, float] | None:
+    """What a boundary constraint knows at the start: parameters, states, times; None if not all are known."""
+    initial = mapping(scope.problem.get("initial_state"))
+    bounds = {"t": scope.problem.get("initial_time", 0)}
+    bounds |= {state: initial.get(state, initial.get("*")) for state in scope.states}
+    values = {name: _number(scope, bound) for name, bound in bounds.items()}
+    known = {name: value for name, value in values.items() if value is not None}
+    if len(known) < len(values):
+        return None
+    time = known.pop("t")
+    ends = {f"{name}_{end}": value for name, value in known.items() for end in ("0", "f")}
+    return {**scope.parameters, **ends, "t0": time, "tf": time}
 
 
 def _check_segments(scope: Scope, method: dict[str, Any], flaws: Flaws) -> None:

@@ -23,6 +23,7 @@ from solvers.piecewise.messages import First
 from solvers.piecewise.mission import Mission, fly_mission
 from solvers.piecewise.plant import Plant
 from solvers.piecewise.plant_flight import CompiledPlant
+from solvers.piecewise.predict import Predictor
 from solvers.piecewise.remote import LocalPredictor, RemotePredictor
 from solvers.piecewise.setup import Setup
 from solvers.plot import render
@@ -130,7 +131,7 @@ def flown(document: dict[str, Any], *, parallel: bool) -> Mission:
     setup = Setup.of(spec)
     plant = CompiledPlant(Plant.of(spec.problem, setup.method.plant, setup.problem))
     if not parallel:
-        here = LocalPredictor(setup)
+        here = LocalPredictor(Predictor(setup))
         here.ask(First(60.0))
         return fly_mission(setup, here, plant, SilentProgress(), math.inf)
     with RemotePredictor(spec.resolved().document) as there:
