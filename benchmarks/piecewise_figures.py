@@ -35,7 +35,8 @@ class Flight:
     """The tracked trajectory of a mission, sampled for a picture."""
 
     def __init__(self, document: dict[str, Any], unit: float) -> None:
-        result = solve(check_document(document)).result()
+        patient = document | {"options": {**document.get("options", {}), "max_seconds": 600}}
+        result = solve(check_document(patient)).result()
         curves = Trajectory.from_result(result)
         tau = np.linspace(0.0, 1.0, POINTS)
         self.time = curves.time(tau) / unit

@@ -139,5 +139,5 @@ def test_the_tensions_do_the_work(name: str) -> None:
     end = model_flight(name, 300.0)
     l2 = [p["L0"] + x[6] - x[4] for x in (START, end)]
     work = -TENSIONS[0] * (end[4] - START[4]) - TENSIONS[1] * (l2[1] - l2[0])
-    assert jacobi(end) - jacobi(START) == pytest.approx(work, abs=1e-2 if name == "pse" else 2e-2)
+    assert jacobi(end) - jacobi(START) == pytest.approx(work, abs=1e-6 if name == "pse" else 2e-5)
     assert abs(work) > 1e4
