@@ -22,7 +22,7 @@ from app.settings import Settings
 from worker.blobs import Blobs
 from worker.errors import ResultsUnavailable
 from worker.keys import KeyStore
-from worker.queue import JobQueue, make_celery
+from worker.queue import JobQueue
 from worker.store import JobStore, connect
 
 Verdict = Literal["ok", "warning", "error"]
@@ -144,11 +144,7 @@ def _memory(info: dict[str, Any]) -> Finding:
 
 
 def _service(redis: Redis, settings: Settings) -> Iterator[Finding]:
-    celery = make_celery(settings)
-    try:
-        workers = JobQueue(celery, redis, settings).workers()
-    finally:
-        celery.close()
+    workers = JobQueue(redis, settings).workers()
     slots = sum(workers.values())
     detail = f"{len(workers)} alive, {slots} jobs at a time" if workers else "none is alive: jobs wait"
     yield Finding("workers", "ok" if workers else "error", detail)

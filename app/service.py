@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import logging
 import math
@@ -27,7 +28,7 @@ from solvers.spec import JobSpec, answer_digest, check_text
 from worker.claims import Claims
 from worker.errors import JobGone, JobNotFound, QueueUnavailable, ResultLost, ResultsUnavailable
 from worker.keys import KeyStore, digest
-from worker.queue import JobQueue, make_celery
+from worker.queue import JobQueue
 from worker.rates import RateLimiter
 from worker.reconciler import Reconciler
 from worker.records import JobRecord, JobStatus, Priority, SweepPlace, new_job_id
@@ -84,7 +85,7 @@ class Service:
         # Somebody waits for the answer: a server that does not answer soon is away.
         redis = connect(settings, timeout=3.0)
         store = JobStore(redis, settings)
-        queue = JobQueue(make_celery(settings), redis, settings)
+        queue = JobQueue(redis, settings)
         sweeps = SweepStore(store, settings)
         keys, rates = KeyStore(redis, settings), RateLimiter(redis, settings)
         secrets = settings.webhook_secret_file
@@ -111,7 +112,6 @@ class Service:
 
     def close(self) -> None:
         """Close the connections."""
-        self.queue.close()
         self.store.redis.close()
 
     def submit(self, body: bytes, key: str | None, principal: Principal = OWNER) -> JobRecord:
@@ -203,50 +203,48 @@ class Service:
             raise DocumentError([Fault("/warm_start", detail)])
 
     def _make(self, record: JobRecord, spec: JobSpec, body: bytes) -> None:
-        self.queue_job(record, body, (lambda: self._reuse_if_possible(record, spec)) if spec.reuse else None)
-
-    def queue_job(self, record: JobRecord, body: bytes, answered: Callable[[], bool] | None = None) -> None:
-        """Remember a job and put it into the queue, unless it is ``answered`` at once.
-
-        Raises QueueUnavailable, after which nothing is remembered, and ServiceError for one too many.
-        """
-        self.admit(record.project, 1)
-        # The record first: a worker may have the message before this process has its answer. One that is not
-        # answered here, should this process end in between, is published by the reconciler.
-        self.store.add(record, body)
-        if answered is not None and answered():
+        earlier = self._earlier(record, spec) if spec.reuse else None
+        if earlier is None:
+            self.queue_job(record, body)
             return
+        self.queue_job(record, body, publish=False)
         try:
-            self.queue.enqueue(record)
-            self.line.joined()
-        except QueueUnavailable:
-            self.store.discard(record)
-            raise
-
-    def _reuse_if_possible(self, record: JobRecord, spec: JobSpec) -> bool:
-        try:
-            return self._reuse(record, spec)
+            self.store.answer(record.id, *earlier)
         except ResultsUnavailable as error:
             logger.warning("job %s is solved instead of answered: %s", record.id, error)
-            return False
+            # Not even now is a job lost whose message the broker does not take: the reconciler finds it.
+            with contextlib.suppress(QueueUnavailable):
+                self.queue.enqueue(record)
 
-    def _reuse(self, record: JobRecord, spec: JobSpec) -> bool:
-        """End a job with the answer of an earlier one, if there is one to the same question."""
+    def queue_job(self, record: JobRecord, body: bytes, *, publish: bool = True) -> None:
+        """Remember a job and put it into the queue, in one step; raises ServiceError for one too many."""
+        most = self.settings.project_jobs, self.settings.queued_jobs
+        publication = self.queue.publication(record) if publish else None
+        while not self.store.add(record, body, publication, most):
+            # It counts exactly, and refuses or makes room.
+            self.admit(record.project, 1)
+        self.line.joined()
+
+    def _earlier(self, record: JobRecord, spec: JobSpec) -> tuple[str, bytes] | None:
+        """Return an earlier job that answered the same question, and its answer as one of ``record``."""
         resolution = spec.resolved()
         earlier = self.store.answered(answer_digest(resolution.document))
         if earlier is None:
-            return False
+            return None
         try:
             text = self.store.result(earlier)
             shared = self.store.project(earlier) == record.project
         except (JobNotFound, JobGone, ResultLost):
-            return False
+            return None
+        except ResultsUnavailable as error:
+            logger.warning("job %s is solved instead of answered: %s", record.id, error)
+            return None
         if text is None or not shared:
-            return False
+            return None
         # The answer is the earlier one's, the document and its labels are this one's.
         own = {"job_id": record.id, "reused_from": earlier, "resolved": resolution.to_dict()}
         result = json.dumps(json.loads(text) | own, allow_nan=False, separators=(",", ":"))
-        return self.store.answer(record.id, earlier, result.encode())
+        return earlier, result.encode()
 
     def retry_after(self, record: JobRecord) -> int:
         """Return after how many seconds it is worth asking for an active job again."""

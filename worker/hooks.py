@@ -12,7 +12,6 @@ from collections.abc import Callable
 from typing import Any, cast
 
 from redis import Redis
-from redis.client import Pipeline
 
 from worker.settings import QueueSettings
 
@@ -33,23 +32,20 @@ class HookList:
 
     def __init__(self, redis: Redis, settings: QueueSettings) -> None:
         self._redis = redis
-        self._due = f"{settings.prefix}hooks"
+        self.due = f"{settings.prefix}hooks"
+        """The list itself: a sorted set of job ids by the time at which they are looked at next."""
         self._tries = f"{settings.prefix}hooks:tries"
         self._take = cast(Callable[..., Any], redis.register_script(_TAKE))
-
-    def add_to(self, pipe: Pipeline, job_id: str) -> None:
-        """Put a new job on the list, as part of a transaction."""
-        pipe.zadd(self._due, {job_id: time.time()})
 
     def take(self) -> list[str]:
         """Return jobs that are to be looked at now; they are ours for three minutes."""
         now = time.time()
-        taken = self._take(keys=[self._due], args=[now, now + _HELD, _MOST])
+        taken = self._take(keys=[self.due], args=[now, now + _HELD, _MOST])
         return [job_id.decode() for job_id in taken]
 
     def again(self, job_id: str, seconds: float) -> None:
         """Let a job be looked at again in so many seconds."""
-        self._redis.zadd(self._due, {job_id: time.time() + seconds}, xx=True)
+        self._redis.zadd(self.due, {job_id: time.time() + seconds}, xx=True)
 
     def tried(self, job_id: str) -> int:
         """Count a message that did not arrive; returns how many did not so far."""
@@ -58,6 +54,6 @@ class HookList:
     def done(self, job_id: str) -> None:
         """Take a job off the list."""
         with self._redis.pipeline(transaction=True) as pipe:
-            pipe.zrem(self._due, job_id)
+            pipe.zrem(self.due, job_id)
             pipe.hdel(self._tries, job_id)
             pipe.execute()

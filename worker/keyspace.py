@@ -12,6 +12,7 @@ from importlib.metadata import version
 from typing import Any, cast
 
 from redis import Redis
+from redis.client import Pipeline
 
 from worker import scripts
 from worker.errors import JobGone, JobNotFound
@@ -46,6 +47,7 @@ class Keyspace:
         self._unacked = f"{settings.prefix}unacked_index"
         self._lease = settings.lease_seconds
         self._retention = settings.retention_seconds
+        self._add = self._script(scripts.ADD)
         self._start = self._script(scripts.START)
         self._report = self._script(scripts.REPORT)
         self._finish = self._script(scripts.FINISH)
@@ -103,8 +105,13 @@ class Keyspace:
         return cast(Callable[..., Any], self.redis.register_script(text))
 
     def _run(
-        self, script: Callable[..., Any], job_id: str, *args: str | float | bytes, keys: Sequence[str] = ()
-    ) -> bytes | int | None:
+        self,
+        script: Callable[..., Any],
+        job_id: str,
+        *args: str | float | bytes,
+        keys: Sequence[str] = (),
+        client: Redis | Pipeline | None = None,
+    ) -> Any:
         common = (job_id, self.channel, repr(time.time()), self._retention, _MEMORY, self._lease)
         ours = (
             *self._keys(job_id),
@@ -114,7 +121,7 @@ class Keyspace:
             self._deadlines,
             *self._queued.values(),
         )
-        return cast(bytes | int | None, script(keys=[*ours, *keys], args=[*common, *args]))
+        return script(keys=[*ours, *keys], args=[*common, *args], client=client)
 
     def _index_of(self, project: str) -> str:
         return f"{self._index}:{project}"

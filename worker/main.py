@@ -34,13 +34,14 @@ def run(
     from celery.signals import setup_logging, worker_process_init, worker_process_shutdown
 
     from solvers.warmup import warm_up
+    from worker.celery_app import make_celery
     from worker.consumer import PromptConsumer
     from worker.heartbeat import heartbeat
     from worker.leases import leases
     from worker.memory import limit_memory, require_memory
     from worker.neighbours import Neighbours
     from worker.pool import WatchedPool
-    from worker.queue import JobQueue, make_celery
+    from worker.queue import JobQueue
     from worker.shutdown import PatientWorker
     from worker.store import JobStore, connect
     from worker.sweeps import SweepStore
@@ -57,7 +58,7 @@ def run(
     store = JobStore(connect(settings, retries=10), settings)
     limits = Limits(round(settings.result_mib * 2**20), settings.grace_seconds, settings.outage_seconds)
     celery.register_task(SolveTask(store, limits, Neighbours(store, SweepStore(store, settings))))
-    queue = JobQueue(celery, connect(settings), settings)
+    queue = JobQueue(connect(settings), settings)
     steps = celery.steps["consumer"]
     steps.add(heartbeat(queue, slots, settings.heartbeat_seconds))
     steps.add(leases(JobStore(connect(settings), settings), settings.renewal_seconds))

@@ -15,7 +15,7 @@ from solvers.phases.trajectory import AnyTrajectory, trajectory_of
 from worker.errors import JobGone, JobNotFound, ResultLost
 from worker.records import SweepPlace
 from worker.store import JobStore
-from worker.sweeps import SweepStore, ending_of
+from worker.sweeps import SweepStore
 
 _SWEEPS = 4
 _ANSWERS = 32
@@ -49,11 +49,9 @@ class Neighbours:
             self._answers.popitem(last=False)
         self._sweeps.solved(at, job_id)
 
-    def ended(self, job_id: str, figures: Mapping[str, Any] | None) -> None:
-        """Note the end of a job in the table of its sweep."""
-        record = self._store.get(job_id)
-        if record.sweep is not None:
-            self._sweeps.note(record.sweep, ending_of(record, figures))
+    def ended(self, at: SweepPlace, ending: Mapping[str, Any]) -> None:
+        """Note the end of a point's job (see `ending_of`) in the table of its sweep."""
+        self._sweeps.note(at, ending)
 
     def _read(self, job_ids: Iterable[str]) -> AnyTrajectory | None:
         for job_id in job_ids:

@@ -116,17 +116,49 @@ local function survives(losses, failure)
 end
 """.replace("BUCKETS", ", ".join(BUCKETS))
 
+ADD = (
+    _COMMON
+    + """
+-- KEYS[12] index of all jobs, KEYS[13] of the project, KEYS[14] its active jobs, KEYS[15] projects, KEYS[16]
+-- hooks, KEYS[17] where messages wait.
+-- ARGV[7] compressed document, ARGV[8] the first event, ARGV[9] message or '', ARGV[10] most active jobs of
+-- the project or '' for any number, ARGV[11] most waiting jobs of all, ARGV[12] on names and values of the
+-- record.
+if status() then return 1 end
+if ARGV[10] ~= '' then
+  local waiting = 0
+  for number = 9, 11 do waiting = waiting + redis.call('ZCARD', KEYS[number]) end
+  if redis.call('SCARD', KEYS[14]) >= tonumber(ARGV[10]) or waiting >= tonumber(ARGV[11]) then return 0 end
+end
+redis.call('HSET', KEYS[1], unpack(ARGV, 12))
+redis.call('SET', KEYS[2], ARGV[7])
+redis.call('ZADD', KEYS[12], 0, ARGV[1])
+redis.call('ZADD', KEYS[13], 0, ARGV[1])
+redis.call('SADD', KEYS[14], ARGV[1])
+redis.call('SADD', KEYS[15], project())
+local record = redis.call('HMGET', KEYS[1], 'created_at', 'deadline_at', 'webhook')
+redis.call('ZADD', queued(), record[1], ARGV[1])
+if record[2] then redis.call('ZADD', KEYS[8], record[2], ARGV[1]) end
+if record[3] then redis.call('ZADD', KEYS[16], record[1], ARGV[1]) end
+redis.call('XADD', KEYS[6], '*', 'event', 'status', 'data', ARGV[8])
+if ARGV[9] ~= '' then redis.call('LPUSH', KEYS[17], ARGV[9]) end
+return 1
+"""
+)
+"""Record a new job, and publish its message: 1 if that is done, or was before, 0 if there are too many."""
+
 START = (
     _COMMON
     + """
 -- ARGV[7] owner, ARGV[8] losses that end the job, ARGV[9] the error it then has, ARGV[10] 1 if the message
 -- was delivered before, ARGV[11] the error of a job whose deadline has passed.
 if ARGV[10] == '1' then count('redeliveries') end
+local function assignment() return {redis.call('HGETALL', KEYS[1]), redis.call('GET', KEYS[2])} end
 local now = status()
 if not now then return 'missing' end
 if now == 'running' then
   -- The same start asked again because its answer was lost on the way.
-  if mine(ARGV[7]) then return 'started' end
+  if mine(ARGV[7]) then return assignment() end
   if held() then
     count('duplicates')
     return 'busy'
@@ -144,12 +176,13 @@ redis.call('HDEL', KEYS[1], 'progress')
 redis.call('HINCRBY', KEYS[1], 'attempts', 1)
 count('attempts')
 move('running')
-return 'started'
+return assignment()
 """
 )
 """Make the job running and this solve its owner.
 
-Answers ``started``, ``missing``, ``busy`` (another solve owns the job) or the final status.
+Answers the record and the document, else ``missing``, ``busy`` (another solve owns the job) or the final
+status.
 """
 
 REPORT = (

@@ -6,12 +6,11 @@ import json
 import secrets
 import zlib
 from collections.abc import Sequence
-from dataclasses import asdict
+from dataclasses import asdict, dataclass
 from enum import StrEnum
 from typing import Any, cast
 
 from solvers.progress import ProgressReport
-from worker.errors import JobGone
 from worker.keyspace import Keyspace, record_of
 from worker.records import JobError, JobRecord, JobStatus
 from worker.verdicts import GIVEN_UP, LATE, MAX_LOSSES
@@ -27,6 +26,15 @@ def solver_of(worker: str | None, pid: int | str | None = None) -> str:
     return f"{worker}/" if pid is None else f"{worker}/{pid}/"
 
 
+@dataclass(frozen=True, slots=True)
+class Assignment:
+    """A job that is to be solved: the word by which its solve owns it, its record, its document (JSON)."""
+
+    owner: str
+    record: JobRecord
+    document: bytes
+
+
 class Signal(StrEnum):
     """What a running solve hears when it writes its progress."""
 
@@ -38,8 +46,8 @@ class Signal(StrEnum):
 class Solving(Keyspace):
     """Jobs started, reported on, finished, handed back and leased."""
 
-    def start(self, job_id: str, owner: str = "", *, redelivered: bool = False) -> str | None:
-        """Make a job running; return the word by which its solve owns it, None if there is nothing to solve.
+    def start(self, job_id: str, owner: str = "", *, redelivered: bool = False) -> Assignment | None:
+        """Make a job running; return what there is to solve, None if there is nothing.
 
         ``owner`` is a word of `new_owner`; a start that was asked before with the same word is confirmed.
         ``redelivered`` is only counted.
@@ -50,18 +58,11 @@ class Solving(Keyspace):
         owner = owner or new_owner()
         lost, late = GIVEN_UP.to_json(), LATE.to_json()
         answer = self._run(self._start, job_id, owner, MAX_LOSSES, lost, int(redelivered), late)
-        return owner if answer == b"started" else None
-
-    def assignment(self, job_id: str) -> tuple[JobRecord, bytes]:
-        """Return what there is to solve: the record of a job and the JSON text of its document."""
-        job, body, *_ = self._keys(job_id)
-        with self.redis.pipeline(transaction=False) as pipe:
-            pipe.hgetall(job)
-            pipe.get(body)
-            fields, packed = pipe.execute()
-        if not fields or packed is None:
-            raise JobGone(job_id)
-        return record_of(fields), zlib.decompress(packed)
+        if not isinstance(answer, list):
+            return None
+        fields, packed = answer
+        record = record_of(dict(zip(fields[::2], fields[1::2], strict=True)))
+        return Assignment(owner, record, zlib.decompress(packed))
 
     def report(
         self, job_id: str, owner: str, report: ProgressReport | None, iterates: Sequence[ProgressReport] = ()

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from worker.caring import Caring
 from worker.connection import connect
-from worker.solving import Signal, Solving, new_owner, solver_of
+from worker.solving import Assignment, Signal, Solving, new_owner, solver_of
 from worker.submitting import Submitting, compress
 
-__all__ = ["JobStore", "Signal", "compress", "connect", "new_owner", "solver_of"]
+__all__ = ["Assignment", "JobStore", "Signal", "compress", "connect", "new_owner", "solver_of"]
 
 
 class JobStore(Submitting, Solving, Caring):

@@ -28,43 +28,49 @@ _COUNTED_AT_ONCE = 1_000
 class Submitting(Keyspace):
     """Jobs added, found, listed, cancelled, kept and erased."""
 
-    def add(self, record: JobRecord, document: bytes) -> None:
-        """Remember a new job and its ``document``, the JSON text as it was submitted."""
-        with self.redis.pipeline(transaction=True) as pipe:
-            self.add_to(pipe, record, document)
-            pipe.execute()
+    def add(
+        self,
+        record: JobRecord,
+        document: bytes,
+        publication: tuple[str, bytes] | None = None,
+        most: tuple[int, int] | None = None,
+    ) -> bool:
+        """Remember a new job and its ``document``, the JSON text as it was submitted; all in one step.
+
+        ``publication`` is its message and where that waits (`JobQueue.publication`); without it the job is to
+        be published afterwards. False, and nothing is done, where ``most[0]`` jobs of the project are active
+        by its register, which may count some that have ended (see `active`), or ``most[1]`` of all projects
+        wait. A job that is remembered already stays as it is.
+        """
+        return bool(self._add_by(None, record, document, publication, most))
 
     def add_to(self, pipe: Pipeline, record: JobRecord, document: bytes) -> None:
-        """Make what `add` does part of a transaction."""
-        job, body, *_ = self._keys(record.id)
-        pipe.hset(job, mapping=cast(Any, record.to_hash()))
-        pipe.set(body, zlib.compress(document, _COMPRESSION))
-        pipe.zadd(self._index, {record.id: 0})
-        pipe.zadd(self._index_of(record.project), {record.id: 0})
-        pipe.sadd(self._active_of(record.project), record.id)
-        pipe.sadd(self._projects, record.project)
-        pipe.zadd(self._queued[record.priority], {record.id: record.created_at})
-        if record.webhook is not None:
-            self.hooks.add_to(pipe, record.id)
-        if record.deadline_at is not None:
-            pipe.zadd(self._deadlines, {record.id: record.deadline_at})
-        pipe.xadd(self._stream(record.id), _first_event(record))
+        """Make what `add` does, but for the publication, part of a transaction."""
+        self._add_by(pipe, record, document, None, None)
 
-    def discard(self, record: JobRecord) -> None:
-        """Forget a job that could not be queued, without a trace: its id was never told to anybody."""
-        job_id, project = record.id, record.project
-        with self.redis.pipeline(transaction=True) as pipe:
-            pipe.delete(*self._keys(job_id), self._stream(job_id))
-            pipe.srem(self._active_of(project), job_id)
-            for register in (
-                self._index,
-                self._index_of(project),
-                *self._queued.values(),
-                self._running,
-                self._deadlines,
-            ):
-                pipe.zrem(register, job_id)
-            pipe.execute()
+    def _add_by(
+        self,
+        client: Pipeline | None,
+        record: JobRecord,
+        document: bytes,
+        publication: tuple[str, bytes] | None,
+        most: tuple[int, int] | None,
+    ) -> Any:
+        project = record.project
+        registers = (self._index, self._index_of(project), self._active_of(project), self._projects)
+        where, message = (None, b"") if publication is None else publication
+        fields = [word for field in record.to_hash().items() for word in field]
+        return self._run(
+            self._add,
+            record.id,
+            zlib.compress(document, _COMPRESSION),
+            json.dumps(_first_status(record)),
+            message,
+            *(("", "") if most is None else most),
+            *fields,
+            keys=[*registers, self.hooks.due, *([] if where is None else [where])],
+            client=client,
+        )
 
     def exists(self, job_id: str) -> bool:
         """Tell whether a job is remembered."""
@@ -238,15 +244,14 @@ class Submitting(Keyspace):
         return Counts(dict(zip(Priority, queued[::2], strict=True)), running, max(0.0, age), numbers)
 
 
-def _first_event(record: JobRecord) -> dict[Any, Any]:
-    data = {
+def _first_status(record: JobRecord) -> dict[str, Any]:
+    return {
         "status": record.status,
         "attempts": 0,
         "cancel_requested": False,
         "error": None,
         "at": record.created_at,
     }
-    return {"event": "status", "data": json.dumps(data)}
 
 
 def compress(result: bytes) -> bytes:

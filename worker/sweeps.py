@@ -19,7 +19,7 @@ from dataclasses import dataclass
 from typing import Any, cast
 
 from worker.errors import JobGone, JobNotFound
-from worker.records import DEFAULT_PROJECT, JobRecord, SweepPlace, is_job_id
+from worker.records import DEFAULT_PROJECT, JobError, JobRecord, JobStatus, SweepPlace, is_job_id
 from worker.settings import QueueSettings
 from worker.store import JobStore
 
@@ -103,10 +103,9 @@ def figures_of(result: Mapping[str, Any]) -> dict[str, Any]:
     }
 
 
-def ending_of(record: JobRecord, figures: Mapping[str, Any] | None) -> dict[str, Any]:
+def ending_of(status: JobStatus, error: JobError | None, figures: Mapping[str, Any] | None) -> dict[str, Any]:
     """Return what a sweep keeps of a job that has ended, with the figures of its result if there is one."""
-    error = None if record.error is None else record.error.type.value
-    return {"status": record.status.value, "error": error, **(figures or {})}
+    return {"status": status.value, "error": None if error is None else error.type.value, **(figures or {})}
 
 
 class SweepStore:
@@ -172,7 +171,8 @@ class SweepStore:
         except (JobNotFound, JobGone):
             ending: dict[str, Any] = {"status": _GONE, "error": None}
         else:
-            ending = ending_of(record, None if result is None else figures_of(json.loads(result)))
+            figures = None if result is None else figures_of(json.loads(result))
+            ending = ending_of(record.status, record.error, figures)
         self.note(SweepPlace(sweep_id, index, ()), ending)
         return ending
 

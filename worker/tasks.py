@@ -28,11 +28,12 @@ from worker import outcome, traces
 from worker.errors import STORE_AWAY, JobGone, JobNotFound, ResultLost
 from worker.flights import FlightsJob, read_source
 from worker.logs import about
+from worker.messages import REQUEST_HEADER, SOLVE_TASK
 from worker.neighbours import Neighbours
 from worker.patience import patiently, process_limit
 from worker.progress import StoreProgress
-from worker.queue import REQUEST_HEADER, SOLVE_TASK
-from worker.store import JobStore, new_owner, solver_of
+from worker.store import Assignment, JobStore, new_owner, solver_of
+from worker.sweeps import ending_of
 
 logger = logging.getLogger(__name__)
 
@@ -70,30 +71,31 @@ def solve_job(
     job is then as it was and its message may be delivered again.
     """
     word = new_owner(solver)
-    owner = patiently(lambda: store.start(job_id, word, redelivered=redelivered), limits.outage, job_id)
-    if owner is None:
+    job = patiently(lambda: store.start(job_id, word, redelivered=redelivered), limits.outage, job_id)
+    if job is None:
         logger.info("job %s: nothing to solve", job_id)
         return
     logger.info("job %s: running", job_id)
-    end = _solve(job_id, owner, store, limits, neighbours)
+    end = _solve(job, store, limits, neighbours)
     words = (end.status, end.error, end.result, end.digest)
-    written = patiently(lambda: store.finish(job_id, owner, *words), limits.outage, job_id)
+    written = patiently(lambda: store.finish(job_id, word, *words), limits.outage, job_id)
     if written:
         logger.info("job %s: %s", job_id, end.status)
-        if neighbours is not None:
-            neighbours.ended(job_id, end.figures)
+        if neighbours is not None and job.record.sweep is not None:
+            neighbours.ended(job.record.sweep, ending_of(end.status, end.error, end.figures))
     else:
         logger.warning("job %s ended elsewhere meanwhile; this end (%s) is not written", job_id, end.status)
 
 
 def _solve(
-    job_id: str, owner: str, store: JobStore, limits: Limits, neighbours: Neighbours | None
+    job: Assignment, store: JobStore, limits: Limits, neighbours: Neighbours | None
 ) -> outcome.Outcome:
+    job_id, seconds = job.record.id, job.record.seconds_left(time.time())
     try:
         # Even its thread may find no memory.
-        with StoreProgress(store, job_id, owner) as progress:
-            work, seconds = patiently(
-                lambda: _assigned(job_id, store, limits, progress, neighbours), limits.outage, job_id
+        with StoreProgress(store, job_id, job.owner) as progress:
+            work = patiently(
+                lambda: _prepared(job, store, limits, progress, neighbours, seconds), limits.outage, job_id
             )
             with process_limit(seconds + limits.grace):
                 return work()
@@ -103,16 +105,20 @@ def _solve(
         return outcome.of_exception(error, job_id)
 
 
-def _assigned(
-    job_id: str, store: JobStore, limits: Limits, progress: StoreProgress, neighbours: Neighbours | None
-) -> tuple[Callable[[], outcome.Outcome], float]:
-    """Read all that a job needs; return its work, and how many seconds there are for it."""
-    record, document = store.assignment(job_id)
-    seconds = record.seconds_left(time.time())
+def _prepared(
+    job: Assignment,
+    store: JobStore,
+    limits: Limits,
+    progress: StoreProgress,
+    neighbours: Neighbours | None,
+    seconds: float,
+) -> Callable[[], outcome.Outcome]:
+    """Read all that a job needs beside its document; return its work, for which there are ``seconds``."""
+    record, job_id = job.record, job.record.id
     if record.flights_of is not None:
-        flights = FlightsJob(job_id, record.flights_of, document, limits.result_bytes)
-        return partial(flights.run, read_source(store, record.flights_of), progress, seconds), seconds
-    spec, at = check_text(document), record.sweep
+        flights = FlightsJob(job_id, record.flights_of, job.document, limits.result_bytes)
+        return partial(flights.run, read_source(store, record.flights_of), progress, seconds)
+    spec, at = check_text(job.document), record.sweep
     if spec.warm_start is None and at is not None and neighbours is not None:
         earlier = neighbours.nearest(at)
     else:
@@ -124,7 +130,7 @@ def _assigned(
             neighbours.found(at, job_id, solution.trajectory)
         return outcome.of_solution(solution, job_id, limits.result_bytes)
 
-    return work, seconds
+    return work
 
 
 def earlier_answer(store: JobStore, job_id: str | None) -> AnyTrajectory | None:

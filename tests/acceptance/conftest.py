@@ -19,7 +19,7 @@ import httpx
 import pytest
 
 from tests.bad_documents import FLEXIBLE_SPACECRAFT
-from worker.queue import JobQueue, make_celery
+from worker.queue import JobQueue
 from worker.settings import QueueSettings
 from worker.store import JobStore, connect
 
@@ -97,7 +97,7 @@ class Deployment:
 
     def _wait_for(self, name: str, running: Running) -> None:
         with connect(self.settings) as redis:
-            queue = JobQueue(make_celery(self.settings), redis, self.settings)
+            queue = JobQueue(redis, self.settings)
             wait_until(lambda: any(alive.startswith(f"{name}@") for alive in queue.workers()), running, 60.0)
 
     @contextmanager
@@ -163,7 +163,7 @@ def shared_store(deployment: Deployment) -> Iterator[JobStore]:
 @pytest.fixture(scope="session")
 def shared_queue(deployment: Deployment, shared_store: JobStore) -> JobQueue:
     """The shared service's queue, seen from outside."""
-    return JobQueue(make_celery(deployment.settings), shared_store.redis, deployment.settings)
+    return JobQueue(shared_store.redis, deployment.settings)
 
 
 @pytest.fixture

@@ -19,7 +19,7 @@ from tests.faults.processes import WORKER, Process
 from tests.problems import problem
 from tests.servers import DurableServer
 from worker.priorities import queue_of
-from worker.queue import JobQueue, make_celery
+from worker.queue import JobQueue
 from worker.records import Priority
 from worker.settings import QueueSettings
 from worker.store import connect
@@ -205,7 +205,7 @@ def test_a_worker_lives_on_when_its_child_dies_before_the_server_lets_it_in(
     log = tmp_path / "late.log"
     (notes := tmp_path / "notes").touch()
     with connect(settings) as redis:
-        queue = JobQueue(make_celery(settings), redis, settings)
+        queue = JobQueue(redis, settings)
         redis.config_set("maxmemory", 1)
         late = Process(WORKER, ["late", str(notes)], environment, log)
         try:

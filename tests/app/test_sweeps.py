@@ -27,8 +27,7 @@ def body(document: dict[str, Any]) -> dict[str, Any]:
 
 
 def finish(store: JobStore, job_id: str, status: JobStatus, result: bytes | None = None) -> None:
-    owner = store.start(job_id)
-    assert owner is not None
+    owner = store.start(job_id).owner
     assert store.finish(job_id, owner, status, result=result)
 
 

@@ -37,8 +37,7 @@ def job_id(brief: JobStore) -> str:
 
 
 def test_a_message_that_comes_again_leaves_a_running_job_alone(brief: JobStore, job_id: str) -> None:
-    owner = brief.start(job_id)
-    assert owner is not None
+    owner = brief.start(job_id).owner
     before = brief.get(job_id)
     for _ in range(3):
         assert brief.start(job_id) is None
@@ -48,23 +47,22 @@ def test_a_message_that_comes_again_leaves_a_running_job_alone(brief: JobStore, 
 
 def test_a_start_whose_answer_was_lost_is_confirmed(brief: JobStore, job_id: str) -> None:
     word = new_owner("worker/1/")
-    assert [brief.start(job_id, word) for _ in range(2)] == [word, word]
+    first, again = (brief.start(job_id, word) for _ in range(2))
+    assert first == again
+    assert first.owner == word
     assert brief.get(job_id).attempts == 1
 
 
 def test_a_silent_solve_loses_its_job_when_its_lease_is_over(brief: JobStore, job_id: str) -> None:
-    silent = brief.start(job_id)
-    assert silent is not None
+    silent = brief.start(job_id).owner
     time.sleep(LEASE + 0.1)
-    owner = brief.start(job_id)
-    assert owner is not None
+    assert brief.start(job_id) is not None
     assert (brief.get(job_id).attempts, brief.get(job_id).losses) == (2, 1)
     assert brief.report(job_id, silent, ProgressReport("solve", 1)) is Signal.LOST
 
 
 def test_reports_keep_a_job(brief: JobStore, job_id: str) -> None:
-    owner = brief.start(job_id)
-    assert owner is not None
+    owner = brief.start(job_id).owner
     give_up = time.monotonic() + 2 * LEASE
     while time.monotonic() < give_up:
         assert brief.report(job_id, owner, None) is Signal.GO
@@ -91,8 +89,7 @@ def test_the_main_process_keeps_jobs_and_messages(
 
 @pytest.mark.parametrize("other", [solver_of("worker", 77), solver_of("work"), solver_of("else", 7)])
 def test_nobody_speaks_for_the_child_of_another(brief: JobStore, job_id: str, other: str) -> None:
-    owner = brief.start(job_id, new_owner(solver_of("worker", 7)))
-    assert owner is not None
+    assert brief.start(job_id, new_owner(solver_of("worker", 7))) is not None
     assert not brief.fail(job_id, TIMED_OUT, other)
     assert not brief.lose(job_id, other, 30, TIMED_OUT)
     assert not brief.hand_back(job_id, other)

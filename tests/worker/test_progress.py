@@ -25,9 +25,7 @@ def job_id(store: JobStore) -> str:
 
 @pytest.fixture
 def owner(store: JobStore, job_id: str) -> str:
-    owner = store.start(job_id)
-    assert owner is not None
-    return owner
+    return store.start(job_id).owner
 
 
 def within(seconds: float, condition: Callable[[], bool]) -> bool:

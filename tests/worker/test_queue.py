@@ -1,3 +1,6 @@
+import base64
+import json
+import math
 import time
 from pathlib import Path
 
@@ -5,8 +8,10 @@ import pytest
 from pydantic import ValidationError
 from redis import Redis
 
+from worker.celery_app import make_celery
 from worker.errors import QueueUnavailable
-from worker.queue import JobQueue, make_celery
+from worker.messages import PUBLISHED, SOLVE_TASK
+from worker.queue import JobQueue
 from worker.records import JobRecord, JobStatus, Priority, new_job_id
 from worker.settings import QueueSettings
 from worker.store import connect
@@ -14,7 +19,7 @@ from worker.store import connect
 
 @pytest.fixture
 def queue(redis: Redis, queue_settings: QueueSettings) -> JobQueue:
-    return JobQueue(make_celery(queue_settings), redis, queue_settings)
+    return JobQueue(redis, queue_settings)
 
 
 def record(priority: Priority = Priority.NORMAL) -> JobRecord:
@@ -29,9 +34,36 @@ def test_a_job_waits_in_the_queue_under_the_prefix(queue: JobQueue, redis: Redis
     assert [queue.head(priority) is not None for priority in Priority] == [True, False, True]
 
 
+def test_a_message_is_written_as_celery_writes_it(
+    queue: JobQueue, redis: Redis, queue_settings: QueueSettings
+) -> None:
+    job = record()
+    queue.enqueue(job)
+    conf = make_celery(queue_settings)
+    with conf.connection_for_write() as connection:
+        conf.send_task(
+            SOLVE_TASK,
+            args=[job.id],
+            task_id=job.id,
+            queue="solve.normal",
+            headers={PUBLISHED: 0.0},
+            time_limit=math.ceil(60 + queue_settings.grace_seconds + queue_settings.outage_seconds),
+            connection=connection,
+        )
+    theirs, ours = map(json.loads, redis.lrange(f"{queue_settings.prefix}solve.normal", 0, -1))
+    # Names that differ with every sender and message.
+    for message in (ours, theirs):
+        assert message["properties"].pop("delivery_tag")
+        message["properties"].pop("reply_to", None)
+        message["headers"].pop("origin", None)
+        message["headers"].pop(PUBLISHED)
+        message["body"] = json.loads(base64.b64decode(message["body"]))
+    assert ours == theirs
+
+
 def test_a_broker_that_is_away_is_said_at_once(tmp_path: Path) -> None:
     settings = QueueSettings(broker=f"unix://{tmp_path}/nobody.sock")
-    queue = JobQueue(make_celery(settings), connect(settings), settings)
+    queue = JobQueue(connect(settings), settings)
     began = time.monotonic()
     with pytest.raises(QueueUnavailable):
         queue.enqueue(record())

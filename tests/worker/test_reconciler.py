@@ -9,7 +9,7 @@ from redis import Redis
 
 from worker.outcome import TIMED_OUT
 from worker.priorities import queue_of
-from worker.queue import JobQueue, make_celery
+from worker.queue import JobQueue
 from worker.reconciler import Reconciler
 from worker.records import FailureType, JobRecord, JobStatus, Priority, new_job_id
 from worker.settings import QueueSettings
@@ -18,7 +18,7 @@ from worker.store import JobStore
 
 @pytest.fixture
 def queue(redis: Redis, queue_settings: QueueSettings) -> JobQueue:
-    return JobQueue(make_celery(queue_settings), redis, queue_settings)
+    return JobQueue(redis, queue_settings)
 
 
 @pytest.fixture

@@ -28,8 +28,7 @@ def results(folder: Path) -> str | None:
 def running(store: JobStore) -> tuple[str, str]:
     record = JobRecord(new_job_id(), JobStatus.QUEUED, "swcm", 60.0, time.time())
     store.add(record, b"{}")
-    owner = store.start(record.id, "worker@host/17/0123456789abcdef")
-    assert owner is not None
+    owner = store.start(record.id, "worker@host/17/0123456789abcdef").owner
     return record.id, owner
 
 
@@ -62,8 +61,7 @@ def test_the_server_holds_a_reference_and_the_folder_the_bytes(store: JobStore, 
 def test_a_solve_that_lost_its_job_leaves_no_result_behind(store: JobStore, folder: Path) -> None:
     job_id, owner = running(store)
     assert store.lose(job_id, "", 3_600, ERROR)
-    other = store.start(job_id)
-    assert other is not None
+    other = store.start(job_id).owner
     assert not store.finish(job_id, owner, JobStatus.SUCCEEDED, result=compress(b"1"))
     assert list(folder.iterdir()) == []
     assert store.finish(job_id, other, JobStatus.SUCCEEDED, result=compress(TEXT))

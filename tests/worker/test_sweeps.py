@@ -91,7 +91,7 @@ def test_an_ending_that_nobody_noted_is_found(
     first, second, third = (row.job_id for row in sweeps.table(sweep.id))
     solve_job(first, store, LIMITS)  # without a sweep to note it
     store.cancel(second)
-    owner = store.start(third)
+    owner = store.start(third).owner
     rows = sweeps.table(sweep.id)
     assert [row.status for row in rows] == ["succeeded", "cancelled", "running"]
     assert rows[0].ending is not None
