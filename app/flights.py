@@ -10,7 +10,7 @@ from app.errors import ServiceError
 from app.service import Service, not_finite, trajectory_of
 from solvers.spec import parse_document
 from solvers.spec.flights import FlightsSpec, check_flights
-from worker.records import JobRecord, JobStatus, new_job_id
+from worker.records import JobRecord, JobStatus
 
 METHOD = "flights"
 """What stands for the method of such a job."""
@@ -19,10 +19,11 @@ _SECONDS_PER_RUN = 2e-3
 
 
 def submit_flights(
-    service: Service, source: str, body: bytes, key: str | None, principal: Principal
+    service: Service, source: str, body: bytes, key: str | None, principal: Principal, new_id: str
 ) -> JobRecord:
     """Queue flights of the answer of the job ``source``, as the document ``body`` says; return their job.
 
+    Its id is ``new_id``, unless ``key`` was bound to another.
     Raises as `Service.submit` does, and ServiceError where there is no answer that could be flown.
     """
     answered = service.answer(source)
@@ -31,7 +32,7 @@ def submit_flights(
     spec = check_flights(parse_document(body), answered["resolved"]["document"])
     if not trajectory_of(answered).finite:
         raise not_finite()
-    record = _record(spec, source, principal)
+    record = _record(spec, source, principal, new_id)
     job_id = service.once(
         key,
         # The same words about another answer are another request.
@@ -43,10 +44,10 @@ def submit_flights(
     return record if job_id == record.id else service.store.get(job_id)
 
 
-def _record(spec: FlightsSpec, source: str, principal: Principal) -> JobRecord:
+def _record(spec: FlightsSpec, source: str, principal: Principal, new_id: str) -> JobRecord:
     now = time.time()
     return JobRecord(
-        id=new_job_id(now),
+        id=new_id,
         status=JobStatus.QUEUED,
         method=METHOD,
         max_seconds=spec.max_seconds,

@@ -19,10 +19,8 @@ MAX_KEY = 255
 
 async def json_body(request: Request) -> bytes:
     """Return the body of a request that says that it is JSON; raises 415 for any other."""
-    kind = Message()
-    kind["Content-Type"] = request.headers.get("content-type", "none/none")
-    media = kind.get_content_type()
-    charset = str(kind.get_param("charset", "utf-8")).lower()
+    said = request.headers.get("content-type", "none/none")
+    media, charset = (said, "utf-8") if said == "application/json" else _parts(said)
     if not (media == "application/json" or (media.startswith("application/") and media.endswith("+json"))):
         raise ServiceError("unsupported-media-type", headers={"Accept-Post": "application/json"})
     if charset not in ("utf-8", "utf8", "us-ascii"):
@@ -30,6 +28,12 @@ async def json_body(request: Request) -> bytes:
     if request.headers.get("content-encoding", "identity").lower() != "identity":
         raise ServiceError("unsupported-media-type", "Send the document as it is, not compressed.")
     return await request.body()
+
+
+def _parts(content_type: str) -> tuple[str, str]:
+    kind = Message()
+    kind["Content-Type"] = content_type
+    return kind.get_content_type(), str(kind.get_param("charset", "utf-8")).lower()
 
 
 async def idempotency_key(request: Request) -> str | None:

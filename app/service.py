@@ -13,7 +13,7 @@ from typing import Annotated, Any, cast
 
 from fastapi import Depends, Request
 
-from app.auth import OWNER, Doorkeeper, Principal, read_bootstrap_key
+from app.auth import Doorkeeper, Principal, read_bootstrap_key
 from app.egress import networks_of
 from app.errors import ServiceError
 from app.seats import Seats
@@ -31,7 +31,7 @@ from worker.keys import KeyStore, digest
 from worker.queue import JobQueue
 from worker.rates import RateLimiter
 from worker.reconciler import Reconciler
-from worker.records import JobRecord, JobStatus, Priority, SweepPlace, new_job_id
+from worker.records import JobRecord, JobStatus, Priority, SweepPlace
 from worker.store import JobStore, connect
 from worker.sweeps import SweepStore
 
@@ -114,14 +114,15 @@ class Service:
         """Close the connections."""
         self.store.redis.close()
 
-    def submit(self, body: bytes, key: str | None, principal: Principal = OWNER) -> JobRecord:
+    def submit(self, body: bytes, key: str | None, principal: Principal, new_id: str) -> JobRecord:
         """Check a document, remember it and put it into the queue; return the job of ``principal``.
 
-        ``key`` is the client's Idempotency-Key: the job of an earlier submission with it is returned instead.
-        Raises DocumentError, KeyReused, KeyInFlight, and QueueUnavailable, after which nothing is remembered.
+        Its id is ``new_id``. ``key`` is the client's Idempotency-Key: the job of an earlier submission with
+        it is returned instead. Raises DocumentError, KeyReused, KeyInFlight, ServiceError for one job too
+        many, and RedisError.
         """
         spec, size = self.check(body, principal)
-        record = new_record(spec, size, principal)
+        record = new_record(new_id, spec, size, principal)
         job_id = self.once(
             key,
             body,
@@ -284,7 +285,7 @@ class Service:
 
 
 def new_record(
-    spec: JobSpec, size: ProblemSize, principal: Principal, sweep: SweepPlace | None = None
+    new_id: str, spec: JobSpec, size: ProblemSize, principal: Principal, sweep: SweepPlace | None = None
 ) -> JobRecord:
     """Return the record of a new job of ``principal`` for a checked document.
 
@@ -293,7 +294,7 @@ def new_record(
     now = time.time()
     patient = sweep is not None and "priority" not in spec.model_fields_set
     return JobRecord(
-        id=new_job_id(now),
+        id=new_id,
         status=JobStatus.QUEUED,
         method=spec.method.name,
         max_seconds=float(spec.options.max_seconds),
@@ -323,9 +324,14 @@ def not_finite() -> ServiceError:
     return ServiceError("no-result", "The last iterate is not finite, so it cannot be resampled.")
 
 
+def service_of(request: Request) -> Service:
+    """Return the service of the process that answers a request."""
+    return cast(Service, request.app.state.service)
+
+
 # Not a plain function: that would be called in another thread.
 async def _service(request: Request) -> Service:
-    return cast(Service, request.app.state.service)
+    return service_of(request)
 
 
 Shared = Annotated[Service, Depends(_service)]

@@ -91,7 +91,11 @@ def _queue(service: Service, sweep_id: str, plan: SweepPlan, principal: Principa
     jobs = [
         (
             new_record(
-                point.spec, problem_size(point.spec), principal, SweepPlace(sweep_id, index, point.place)
+                new_job_id(),
+                point.spec,
+                problem_size(point.spec),
+                principal,
+                SweepPlace(sweep_id, index, point.place),
             ),
             json.dumps(point.document).encode(),
         )

@@ -35,7 +35,8 @@ _RECONNECT = 0.5
 class StatusWatch:
     """One subscription for the whole process, which wakes those who wait for a job when something happens.
 
-    Whoever waits does so for a text: ``<id>`` for all events of a job, ``<id> <event>`` for those of a kind.
+    Whoever waits does so for a text: ``<id>`` for all events of a job, ``<id> end`` for the last one of a job
+    or sweep.
     """
 
     def __init__(self, store: JobStore, settings: QueueSettings) -> None:
@@ -43,6 +44,7 @@ class StatusWatch:
         self._settings = settings
         self._waiting: defaultdict[str, set[asyncio.Event]] = defaultdict(set)
         self._deaf = False
+        self._listening = False
 
     @contextlib.asynccontextmanager
     async def running(self) -> AsyncIterator[None]:
@@ -58,28 +60,42 @@ class StatusWatch:
             if not task.cancelled():
                 task.result()
 
-    async def final(self, job_id: str, seconds: float) -> JobRecord:
-        """Return the job when its status is final, or as it is after ``seconds``."""
+    def ending(self, named: str) -> contextlib.AbstractContextManager[asyncio.Event]:
+        """Listen for the end of the job or sweep ``named`` as long as the context lasts."""
+        return self._woken(f"{named} end")
+
+    async def final(self, job_id: str, seconds: float, ended: asyncio.Event | None = None) -> JobRecord:
+        """Return the job when its status is final, or as it is after ``seconds``; ``ended``: see `until`."""
         return await self.until(
-            job_id, lambda: self._store.get(job_id), lambda record: record.status.final, seconds
+            job_id, lambda: self._store.get(job_id), lambda record: record.status.final, seconds, ended
         )
 
-    async def until(self, named: str, look: Callable[[], T], done: Callable[[T], bool], seconds: float) -> T:
+    async def until(
+        self,
+        named: str,
+        look: Callable[[], T],
+        done: Callable[[T], bool],
+        seconds: float,
+        ended: asyncio.Event | None = None,
+    ) -> T:
         """Return what ``look`` sees when it is ``done``, or after ``seconds``.
 
-        It looks again when the status of the job or sweep ``named`` changes.
+        It looks again when the job or sweep ``named`` ends. ``ended`` is the event of `ending` where that was
+        listened for before the job was made: then it need not look before.
         """
         clock = asyncio.get_running_loop().time
         deadline = clock() + seconds
-        with self._woken(f"{named} status") as event:
+        unseen = ended is None or not self._listening
+        with self.ending(named) if ended is None else contextlib.nullcontext(ended) as event:
             while True:
-                event.clear()
-                seen = await run_in_threadpool(look)
-                left = deadline - clock()
-                if done(seen) or left <= 0:
-                    return seen
+                if unseen:
+                    event.clear()
+                    seen = await run_in_threadpool(look)
+                    if done(seen) or clock() >= deadline:
+                        return seen
+                unseen = True
                 with contextlib.suppress(TimeoutError):
-                    async with asyncio.timeout(min(left, RECHECK)):
+                    async with asyncio.timeout(min(deadline - clock(), RECHECK)):
                         await event.wait()
 
     async def events(self, job_id: str, after: str) -> AsyncIterator[JobEvent | None]:
@@ -133,6 +149,7 @@ class StatusWatch:
             try:
                 await self._follow()
             except (RedisError, OSError) as error:
+                self._listening = False
                 if not self._deaf:
                     logger.warning(
                         "no messages from the broker (%s); looking at jobs every %g s", error, RECHECK
@@ -153,6 +170,7 @@ class StatusWatch:
                     if self._deaf:
                         logger.warning("messages from the broker again")
                     self._deaf = False
+                    self._listening = True
                     # Whatever changed while nobody listened is seen by a fresh look.
                     self._wake(list(self._waiting))
                 elif message["type"] == "message":

@@ -1,10 +1,10 @@
 """Puts right what fell between the record of a job and its message.
 
 The record is the truth, but it is a message that makes a worker look at it. A process that is killed between
-recording a sweep and publishing its jobs, a worker that is killed between taking a message and noting that it
-did (kombu's BRPOP, celery/kombu#305), or a server that comes back with older data leave a job that nobody will
-ever fetch. It is found by its record, and published again. A message too many does no harm:
-whoever starts a job that is not waiting is told so.
+recording a sweep and publishing its jobs, a worker that is killed between taking a message and noting that
+it did (kombu's BRPOP, celery/kombu#305), or a server that comes back with older data leave a job that nobody
+will ever fetch. It is found by its record, and published again. A message too many does no harm: whoever
+starts a job that is not waiting is told so.
 """
 
 from __future__ import annotations

@@ -59,14 +59,15 @@ local function count_end(to, failure)
   end
   count('within ' .. name .. ' +Inf')
 end
-local function note(event, data)
+local function note(event, data, word)
   redis.call('XADD', KEYS[6], 'MAXLEN', '~', 1000, '*', 'event', event, 'data', data)
-  redis.call('PUBLISH', ARGV[2], ARGV[1] .. ' ' .. event)
+  redis.call('PUBLISH', ARGV[2], ARGV[1] .. ' ' .. (word or event))
 end
 local function note_status()
   local record = redis.call('HMGET', KEYS[1], 'status', 'attempts', 'cancel', 'error')
   note('status', '{"status":"' .. record[1] .. '","attempts":' .. (record[2] or 0) .. ',"cancel_requested":'
-    .. tostring(record[3] == '1') .. ',"error":' .. (record[4] or 'null') .. ',"at":' .. ARGV[3] .. '}')
+    .. tostring(record[3] == '1') .. ',"error":' .. (record[4] or 'null') .. ',"at":' .. ARGV[3] .. '}',
+    record[1] ~= 'queued' and record[1] ~= 'running' and 'end')
 end
 local function move(to)
   redis.call('HSET', KEYS[1], 'status', to)

@@ -24,4 +24,6 @@ router = APIRouter(prefix="/v1/jobs/{job_id}", tags=["flights"])
 async def fly(request: Request, service: Shared, job_id: str, body: Body, key: Key) -> Response:
     """Queue flights of a job's answer as a job of their own. ``Prefer: wait=N`` waits for their end."""
     principal = principal_of(request)
-    return await submitted(request, service, lambda: submit_flights(service, job_id, body, key, principal))
+    return await submitted(
+        request, service, lambda new_id: submit_flights(service, job_id, body, key, principal, new_id)
+    )

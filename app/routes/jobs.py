@@ -11,12 +11,13 @@ from fastapi import APIRouter, Depends, Query, Request, Response
 from fastapi.concurrency import run_in_threadpool
 
 from app.auth import principal_of
+from app.direct_route import DirectRoute
 from app.errors import wrong_parameter
 from app.negotiation import LONGEST_WAIT, idempotency_key, json_body, matches_etag, preferred_wait
 from app.openapi import DOCUMENT_BODY, refusals
 from app.schemas import JobPage, JobView, SizeView
-from app.service import Service, Shared
-from worker.records import JobRecord, JobStatus, is_job_id
+from app.service import Service, Shared, service_of
+from worker.records import JobRecord, JobStatus, is_job_id, new_job_id
 
 router = APIRouter(prefix="/v1", tags=["jobs"])
 
@@ -24,36 +25,50 @@ Body = Annotated[bytes, Depends(json_body)]
 Key = Annotated[str | None, Depends(idempotency_key)]
 
 
-@router.post(
+async def submit(request: Request) -> Response:
+    """Queue a job document. ``Prefer: wait=N`` delays the answer until the job is final, at most 60 s."""
+    body, key = await json_body(request), await idempotency_key(request)
+    service, principal = service_of(request), principal_of(request)
+    return await submitted(request, service, lambda job_id: service.submit(body, key, principal, job_id))
+
+
+router.add_api_route(
     "/jobs",
+    submit,
+    methods=["POST"],
     status_code=202,
     response_model=JobView,
     responses=refusals(409, 413, 415, 422, 503),
     openapi_extra=DOCUMENT_BODY,
+    route_class_override=DirectRoute,
 )
-async def submit(request: Request, service: Shared, body: Body, key: Key) -> Response:
-    """Queue a job document. ``Prefer: wait=N`` delays the answer until the job is final, at most 60 s."""
-    return await submitted(request, service, lambda: service.submit(body, key, principal_of(request)))
 
 
-async def submitted(request: Request, service: Service, submit: Callable[[], JobRecord]) -> Response:
-    """Submit a job, and answer with it at once or, where the client prefers to wait, when it is final."""
-    wait = preferred_wait(request)
+async def submitted(request: Request, service: Service, submit: Callable[[str], JobRecord]) -> Response:
+    """Submit a job, and answer with it at once or, where the client prefers to wait, when it is final.
 
-    def queued() -> tuple[str, Response]:
-        record = submit()
-        return record.id, _answer(service, record, 202)
+    ``submit`` is given an id for the job, and may find that there is one already.
+    """
+    wait, principal = preferred_wait(request), principal_of(request)
+    job_id = new_job_id()
+    # Where there is no seat to wait at, it is answered for at once, which the preference allows.
+    if wait is None or service.seats.refusal(principal) is not None:
 
-    # One change of thread for all that asks the broker.
-    job_id, response = await run_in_threadpool(queued)
-    # The job is accepted: where there is no seat to wait at, it is answered for at once, which the preference
-    # allows.
-    if wait is not None and service.seats.refusal(principal_of(request)) is None:
-        with service.seats.taken(principal_of(request)):
-            record = await service.watch.final(job_id, wait)
+        def queued() -> tuple[JobRecord, Response]:
+            record = submit(job_id)
+            return record, _answer(service, record, 202)
+
+        # One change of thread for all that asks the broker.
+        record, response = await run_in_threadpool(queued)
+    else:
+        with service.seats.taken(principal), service.watch.ending(job_id) as ended:
+            record = await run_in_threadpool(submit, job_id)
+            if not record.status.final:
+                fresh = record.id == job_id
+                record = await service.watch.final(record.id, wait, ended if fresh else None)
         response = await _answered(service, record, 202)
         response.headers["Preference-Applied"] = f"wait={wait:g}"
-    response.headers["Location"] = response.headers["Content-Location"] = f"/v1/jobs/{job_id}"
+    response.headers["Location"] = response.headers["Content-Location"] = f"/v1/jobs/{record.id}"
     return response
 
 
