@@ -32,7 +32,7 @@ class Keyspace:
     def __init__(self, redis: Redis, settings: QueueSettings) -> None:
         self.redis = redis
         self.channel = f"{settings.prefix}status"
-        """Channel on which every event of a job is published as ``<id> <event>``, the last as ``<id> end``."""
+        """Channel of every event of a job, as ``<id> <event>``, the last as ``<id> end``."""
         self.hooks = HookList(redis, settings)
         self.results_kept = Results(redis, settings)
         """What stands under the result's key of a job, packed and unpacked."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import faulthandler
 import logging
+import signal
 import sys
 import time
 from collections.abc import Callable, Iterator
@@ -44,12 +45,19 @@ def patiently(ask: Callable[[], T], seconds: float, job_id: str) -> T:
 def process_limit(seconds: float) -> Iterator[None]:
     """End this process, with a trace of all its threads on stderr, if the context lasts for ``seconds``.
 
-    A thread of the interpreter's own watches, which needs no interpreter: also a solve that never comes back
-    from its library is ended.
+    A timer of the kernel sends SIGALRM, and its handler needs no interpreter: also a solve that never comes
+    back from its library is ended. An alarm that was set before is set again afterwards.
     """
+    began = time.monotonic()
     # Celery puts a logger in the place of stderr, which has no file to write to.
-    faulthandler.dump_traceback_later(seconds, exit=True, file=sys.__stderr__ or sys.stderr)
+    file = sys.__stderr__ or sys.stderr
+    # What the signal did before, which is to end the process, it does after the trace is written.
+    faulthandler.register(signal.SIGALRM, file=file, all_threads=True, chain=True)
+    before, _ = signal.setitimer(signal.ITIMER_REAL, seconds)
     try:
         yield
     finally:
-        faulthandler.cancel_dump_traceback_later()
+        signal.setitimer(signal.ITIMER_REAL, 0.0)
+        faulthandler.unregister(signal.SIGALRM)
+        if before:
+            signal.setitimer(signal.ITIMER_REAL, max(1e-3, before - (time.monotonic() - began)))

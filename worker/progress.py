@@ -9,6 +9,7 @@ import signal
 import threading
 import time
 from collections import deque
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from types import TracebackType
 
@@ -31,6 +32,10 @@ PATIENCE = 5.0
 
 MOST_ITERATES = 20
 """Most iterates that are told of at one exchange; of more of them, evenly some."""
+
+
+# The thread of one solve serves the next: to start one takes longer than all that it does for a small job.
+_THREADS = ThreadPoolExecutor(thread_name_prefix="progress")
 
 
 class StoreProgress:
@@ -60,7 +65,6 @@ class StoreProgress:
         self._away = False
         self._told_at = -math.inf
         self._done = threading.Event()
-        self._thread = threading.Thread(target=self._watch, name=f"progress-{job_id}", daemon=True)
 
     def report(self, report: ProgressReport) -> None:
         """Take note of a moment of the solve; written at the next exchange unless another comes first.
@@ -83,14 +87,14 @@ class StoreProgress:
         return True
 
     def __enter__(self) -> StoreProgress:
-        self._thread.start()
+        self._watching = _THREADS.submit(self._watch)
         return self
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         self._done.set()
-        self._thread.join()
+        self._watching.result()
 
     def _watch(self) -> None:
         while not self._done.wait(min(LISTEN, self._period)):
