@@ -152,12 +152,12 @@ class Doorkeeper:
     def open(self, method: str, path: str) -> bool:
         """Tell whether a request may pass without the store being asked."""
         until, locked = self._locked_until
-        unlocked = not (locked or self.settings.require_keys or self.bootstrap is not None)
+        unlocked = not (locked or self._always_locked)
         return needed_scope(method, path) is None or (unlocked and time.monotonic() < until)
 
     def locked(self) -> bool:
         """Tell whether a key is needed."""
-        if self.settings.require_keys or self.bootstrap is not None:
+        if self._always_locked:
             return True
         now = time.monotonic()
         until, locked = self._locked_until
@@ -166,6 +166,10 @@ class Doorkeeper:
             locked = locked or self.keys.any()
             self._locked_until = now + self.settings.key_cache_seconds, locked
         return locked
+
+    @property
+    def _always_locked(self) -> bool:
+        return self.settings.require_keys or self.bootstrap is not None
 
     def _identify(self, token: str | None) -> Principal:
         if token is None:

@@ -37,8 +37,8 @@ _MEDIA = {"csv": "text/csv", "npz": "application/x-npz"}
 )
 async def submit(request: Request, service: Shared, body: Body, key: Key) -> Response:
     """Queue a job for every point of a sweep. ``Prefer: wait=N`` delays the answer until all have ended."""
-    sweep_id = await run_in_threadpool(submit_sweep, service, body, key, principal_of(request))
     principal = principal_of(request)
+    sweep_id = await run_in_threadpool(submit_sweep, service, body, key, principal)
     # As of a job: where there is no seat to wait at, it is answered for at once.
     wait = preferred_wait(request) if service.seats.refusal(principal) is None else None
     response = _answer(*await _seen(service, principal, sweep_id, wait or 0.0), 202, table=True)
