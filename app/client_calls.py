@@ -6,7 +6,7 @@ import time
 import uuid
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any, Literal, TypeVar
 from urllib.parse import quote
 
 import httpx
@@ -15,6 +15,8 @@ from app.client_answers import Job, JobFailed, JobFilters, RequestRefused, WaitT
 from app.client_result import Result
 from app.client_steps import Call, Steps, ask, read_bytes, read_json
 from solvers.builders import Problem
+
+T = TypeVar("T")
 
 Document = Mapping[str, Any] | Problem
 FINAL = frozenset({"succeeded", "failed", "cancelled"})
@@ -48,7 +50,7 @@ def validate(document: Document) -> Call[dict[str, Any]]:
 
 def job(job_id: str) -> Call[Job]:
     """Read a job."""
-    return Call("GET", _of(job_id), read_json)
+    return Call("GET", path_of(job_id), read_json)
 
 
 def wait(
@@ -68,7 +70,7 @@ def wait(
     while True:
         left = poll if deadline is None else max(min(poll, deadline - time.monotonic()), 0.0)
         poll_once: Call[Job] = Call(
-            "GET", _of(job_id), read_json, params={"wait": round(left, 3)}, seconds=left
+            "GET", path_of(job_id), read_json, params={"wait": round(left, 3)}, seconds=left
         )
         current = yield from ask(poll_once)
         if on_progress is not None:
@@ -91,9 +93,20 @@ def solve(
     The other arguments are those of ``wait``. Raises `JobFailed` when the job ended without an iterate.
     """
     queued = yield from ask(submit(document))
-    final = yield from wait(queued["id"], timeout=timeout, on_progress=on_progress, every=every)
+    return (yield from awaited(queued["id"], result, timeout, on_progress, every))
+
+
+def awaited(
+    job_id: str,
+    read: Callable[[str], Call[T]],
+    timeout: float | None,
+    on_progress: Callable[[Job], object] | None,
+    every: float,
+) -> Steps[T]:
+    """Wait for the end of a job as `wait` does, then ``read`` its result; raises `JobFailed` without one."""
+    final = yield from wait(job_id, timeout=timeout, on_progress=on_progress, every=every)
     try:
-        return (yield from ask(result(final["id"])))
+        return (yield from ask(read(job_id)))
     except RequestRefused as error:
         if error.status == httpx.codes.NOT_FOUND:
             raise JobFailed(final) from error
@@ -103,12 +116,12 @@ def solve(
 def result(job_id: str) -> Call[Result]:
     """Read the result of a final job."""
     headers = {"Accept": "application/json"}
-    return Call("GET", _of(job_id, "/result"), lambda response: Result(response.json()), headers=headers)
+    return Call("GET", path_of(job_id, "/result"), lambda response: Result(response.json()), headers=headers)
 
 
 def export(job_id: str, kind: Literal["csv", "npz", "mat"]) -> Call[bytes]:
     """Read the result as a file: the sampled trajectory as CSV, or everything as NPZ or MAT."""
-    return Call("GET", _of(job_id, "/result"), read_bytes, params={"format": kind})
+    return Call("GET", path_of(job_id, "/result"), read_bytes, params={"format": kind})
 
 
 def trajectory(
@@ -127,37 +140,37 @@ def trajectory(
         params["t"] = ",".join(repr(float(instant)) for instant in times)
     if step is not None:
         params["dt"] = step
-    return Call("GET", _of(job_id, "/trajectory"), read_json, params=params)
+    return Call("GET", path_of(job_id, "/trajectory"), read_json, params=params)
 
 
 def plot(job_id: str, kind: Literal["svg", "png"] = "svg") -> Call[bytes]:
     """Draw states and controls over time."""
-    return Call("GET", _of(job_id, f"/plot.{kind}"), read_bytes)
+    return Call("GET", path_of(job_id, f"/plot.{kind}"), read_bytes)
 
 
 def report(job_id: str) -> Call[bytes]:
     """Read the printable report of a final job, one HTML file."""
-    return Call("GET", _of(job_id, "/report.html"), read_bytes)
+    return Call("GET", path_of(job_id, "/report.html"), read_bytes)
 
 
 def bundle(job_id: str) -> Call[bytes]:
     """Read everything about a final job as one ZIP file, for ``ondelette replay``."""
-    return Call("GET", _of(job_id, "/bundle.zip"), read_bytes)
+    return Call("GET", path_of(job_id, "/bundle.zip"), read_bytes)
 
 
 def spec(job_id: str) -> Call[dict[str, Any]]:
     """Read the document as it was submitted."""
-    return Call("GET", _of(job_id, "/spec"), read_json)
+    return Call("GET", path_of(job_id, "/spec"), read_json)
 
 
 def cancel(job_id: str) -> Call[Job]:
     """Ask that a job be stopped."""
-    return Call("POST", _of(job_id, "/cancel"), read_json)
+    return Call("POST", path_of(job_id, "/cancel"), read_json)
 
 
 def delete(job_id: str) -> Call[None]:
     """Erase a final job."""
-    return Call("DELETE", _of(job_id), _nothing)
+    return Call("DELETE", path_of(job_id), _nothing)
 
 
 def first_page(filters: JobFilters) -> Call[Page]:
@@ -182,7 +195,8 @@ def case(name: str) -> Call[dict[str, Any]]:
     return Call("GET", f"/v1/cases/{quote(name, safe='')}", read_json)
 
 
-def _of(job_id: str, part: str = "") -> str:
+def path_of(job_id: str, part: str = "") -> str:
+    """The address of a job, or of a ``part`` of it."""
     return f"/v1/jobs/{quote(job_id, safe='')}{part}"
 
 

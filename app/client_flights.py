@@ -5,12 +5,9 @@ from __future__ import annotations
 import uuid
 from collections.abc import Callable, Mapping
 from typing import Any
-from urllib.parse import quote
 
-import httpx
-
-from app.client_answers import Job, JobFailed, RequestRefused
-from app.client_calls import wait
+from app.client_answers import Job
+from app.client_calls import awaited, path_of
 from app.client_steps import Call, Steps, ask, read_json
 
 
@@ -19,8 +16,9 @@ def submit_flights(
 ) -> Call[Job]:
     """Queue flights of the answer of a job, and return the job that they are."""
     key = idempotency_key or uuid.uuid4().hex
-    path = f"/v1/jobs/{quote(job_id, safe='')}/flights"
-    return Call("POST", path, read_json, json=flights, headers={"Idempotency-Key": key})
+    return Call(
+        "POST", path_of(job_id, "/flights"), read_json, json=flights, headers={"Idempotency-Key": key}
+    )
 
 
 def flights(
@@ -37,11 +35,8 @@ def flights(
     The other arguments are those of ``wait``. Raises `JobFailed` when the flights were not all flown.
     """
     queued = yield from ask(submit_flights(job_id, flights))
-    final = yield from wait(queued["id"], timeout=timeout, on_progress=on_progress, every=every)
-    try:
-        read: Call[dict[str, Any]] = Call("GET", final["links"]["result"], read_json)
-        return (yield from ask(read))
-    except RequestRefused as error:
-        if error.status == httpx.codes.NOT_FOUND:
-            raise JobFailed(final) from error
-        raise
+    return (yield from awaited(queued["id"], _read, timeout, on_progress, every))
+
+
+def _read(job_id: str) -> Call[dict[str, Any]]:
+    return Call("GET", path_of(job_id, "/result"), read_json)
