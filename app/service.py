@@ -26,7 +26,7 @@ from solvers.phases.trajectory import trajectory_of as read_trajectory
 from solvers.sizes import ProblemSize, problem_size
 from solvers.spec import JobSpec, answer_digest, check_text
 from worker.claims import Claims
-from worker.errors import JobGone, JobNotFound, QueueUnavailable, ResultLost, ResultsUnavailable
+from worker.errors import JobGone, JobNotFound, QueueUnavailable, ResultsUnavailable
 from worker.keys import KeyStore, digest
 from worker.queue import JobQueue
 from worker.rates import RateLimiter
@@ -193,13 +193,12 @@ class Service:
         if spec.warm_start is None:
             return
         try:
-            there = self.store.result(spec.warm_start) is not None
-            there = there and principal.only in (None, self.store.project(spec.warm_start))
+            record = self.store.get(spec.warm_start)
             # Flights have no trajectory of their own.
-            there = there and self.store.get(spec.warm_start).flights_of is None
-        except (JobNotFound, JobGone, ResultLost):
+            there = record.flights_of is None and principal.only in (None, record.project)
+        except (JobNotFound, JobGone):
             there = False
-        if not there:
+        if not there or self.store.kept_result(spec.warm_start) is None:
             detail = "no job with this id has a result; submit again when it has, or leave the key out"
             raise DocumentError([Fault("/warm_start", detail)])
 
@@ -233,14 +232,11 @@ class Service:
         if earlier is None:
             return None
         try:
-            text = self.store.result(earlier)
-            shared = self.store.project(earlier) == record.project
-        except (JobNotFound, JobGone, ResultLost):
-            return None
+            text = self.store.kept_result(earlier)
         except ResultsUnavailable as error:
             logger.warning("job %s is solved instead of answered: %s", record.id, error)
             return None
-        if text is None or not shared:
+        if text is None or self.store.project(earlier) != record.project:
             return None
         # The answer is the earlier one's, the document and its labels are this one's.
         own = {"job_id": record.id, "reused_from": earlier, "resolved": resolution.to_dict()}
@@ -266,6 +262,18 @@ class Service:
         if not record.status.final:
             raise self.not_ready(record)
         raise ServiceError("no-result", f"The job {record.status} without any iterate, so it has no result.")
+
+    def ended(self, job_id: str) -> tuple[JobRecord, bytes | None]:
+        """Return a job that has ended, and its result if it has one; raises ServiceError for any other.
+
+        Nor is a job of flights told of by this.
+        """
+        record, text = self.store.get(job_id), self.store.result(job_id)
+        if not record.status.final:
+            raise self.not_ready(record)
+        if record.flights_of is not None:
+            raise self.no_answer(record.flights_of)
+        return record, text
 
     def answer(self, job_id: str) -> dict[str, Any]:
         """Return the result of a job that solved a problem; raises ServiceError as `result` does."""

@@ -12,7 +12,6 @@ from collections.abc import Iterable, Mapping
 from typing import Any
 
 from solvers.phases.trajectory import AnyTrajectory, trajectory_of
-from worker.errors import JobGone, JobNotFound, ResultLost
 from worker.records import SweepPlace
 from worker.store import JobStore
 from worker.sweeps import SweepStore
@@ -54,14 +53,9 @@ class Neighbours:
         self._sweeps.note(at, ending)
 
     def _read(self, job_ids: Iterable[str]) -> AnyTrajectory | None:
-        for job_id in job_ids:
-            try:
-                result = self._store.result(job_id)
-            except (JobNotFound, JobGone, ResultLost):
-                continue
-            if result is not None:
-                return trajectory_of(json.loads(result))
-        return None
+        kept = (result for job_id in job_ids if (result := self._store.kept_result(job_id)) is not None)
+        result = next(kept, None)
+        return None if result is None else trajectory_of(json.loads(result))
 
 
 def _distance(first: Place, second: Place) -> float:

@@ -28,6 +28,8 @@ logger = logging.getLogger(__name__)
 
 # No zlib stream (RFC 1950) begins like this.
 _MARK = b"blob:"
+LONGEST_REFERENCE = 256
+"""Most bytes of a reference to a result that is outside of the server."""
 _FIRST_LOOK = 3_600.0
 
 
@@ -72,9 +74,9 @@ class Results:
         except zlib.error as error:
             raise ResultLost(f"the compressed result is damaged: {error}") from error
 
-    def drop(self, stored: bytes | None) -> None:
+    def drop(self, stored: bytes) -> None:
         """Delete what nothing refers to any more; what cannot be reached is deleted at a later look."""
-        name = None if stored is None else _name(stored)
+        name = _name(stored)
         if name is not None and self._blobs is not None:
             with contextlib.suppress(ResultsUnavailable):
                 self._delete(name, self._blobs)

@@ -16,6 +16,7 @@ from worker.counts import Counts
 from worker.errors import JobActive, JobGone, JobNotFound, ResultLost
 from worker.keyspace import Keyspace
 from worker.records import FIRST, JobEvent, JobRecord, JobStatus, Priority
+from worker.results import LONGEST_REFERENCE
 
 logger = logging.getLogger(__name__)
 
@@ -138,18 +139,23 @@ class Submitting(Keyspace):
             return None
         return self.results_kept.unpack(packed)
 
-    def results(self, job_ids: Sequence[str]) -> Iterator[bytes | None]:
-        """Iterate over the JSON texts of results, None for a job that has none or is not remembered.
+    def kept_result(self, job_id: str) -> bytes | None:
+        """Return the JSON text of a job's result, None where there is none, or none any more.
 
-        Nor has one whose result is lost. Raises ResultsUnavailable.
+        Raises ResultsUnavailable.
         """
-        for job_id in job_ids:
+        try:
             packed = cast(bytes | None, self.redis.get(self._keys(job_id)[2]))
-            try:
-                yield None if packed is None else self.results_kept.unpack(packed)
-            except ResultLost:
-                logger.warning("job %s: its result is lost", job_id)
-                yield None
+            return None if packed is None else self.results_kept.unpack(packed)
+        except JobNotFound:
+            return None
+        except ResultLost:
+            logger.warning("job %s: its result is lost", job_id)
+            return None
+
+    def results(self, job_ids: Sequence[str]) -> Iterator[bytes | None]:
+        """Iterate over the results of jobs as `kept_result` returns them."""
+        return map(self.kept_result, job_ids)
 
     def events(self, job_id: str, after: str = FIRST) -> list[JobEvent]:
         """Return what happened to a job behind the event ``after``, oldest first; some 1,000 are kept."""
@@ -190,7 +196,8 @@ class Submitting(Keyspace):
 
     def erase(self, job_id: str) -> None:
         """Erase an ended job; raises JobActive for any other."""
-        stored = cast(bytes | None, self.redis.get(self._keys(job_id)[2]))
+        # As much of it as may be a reference to where it is.
+        stored = cast(bytes, self.redis.getrange(self._keys(job_id)[2], 0, LONGEST_REFERENCE - 1))
         answer = self._run(self._erase, job_id, keys=[self._index])
         if answer is None:
             self.get(job_id)

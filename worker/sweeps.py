@@ -167,7 +167,7 @@ class SweepStore:
     def _note_missing(self, sweep_id: str, index: int, job_id: str) -> dict[str, Any]:
         try:
             record = self._store.get(job_id)
-            result = next(self._store.results([job_id]))
+            result = self._store.kept_result(job_id)
         except (JobNotFound, JobGone):
             ending: dict[str, Any] = {"status": _GONE, "error": None}
         else:

@@ -25,8 +25,8 @@ from solvers.solve import solve
 from solvers.spec import check_text
 from solvers.status import SolveStatus
 from worker import outcome, traces
-from worker.errors import STORE_AWAY, JobGone, JobNotFound, ResultLost
-from worker.flights import FlightsJob, read_source
+from worker.errors import STORE_AWAY
+from worker.flights import fly
 from worker.logs import about
 from worker.messages import REQUEST_HEADER, SOLVE_TASK
 from worker.neighbours import Neighbours
@@ -116,8 +116,9 @@ def _prepared(
     """Read all that a job needs beside its document; return its work, for which there are ``seconds``."""
     record, job_id = job.record, job.record.id
     if record.flights_of is not None:
-        flights = FlightsJob(job_id, record.flights_of, job.document, limits.result_bytes)
-        return partial(flights.run, read_source(store, record.flights_of), progress, seconds)
+        source = store.kept_result(record.flights_of)
+        answered = None if source is None else json.loads(source)
+        return partial(fly, record, job.document, answered, limits.result_bytes, progress, seconds)
     spec, at = check_text(job.document), record.sweep
     if spec.warm_start is None and at is not None and neighbours is not None:
         earlier = neighbours.nearest(at)
@@ -135,12 +136,7 @@ def _prepared(
 
 def earlier_answer(store: JobStore, job_id: str | None) -> AnyTrajectory | None:
     """Return the answer of the job to start from, None if none is named or it is not there any more."""
-    if job_id is None:
-        return None
-    try:
-        result = store.result(job_id)
-    except (JobNotFound, JobGone, ResultLost):
-        return None
+    result = None if job_id is None else store.kept_result(job_id)
     return None if result is None else trajectory_of(json.loads(result))
 
 

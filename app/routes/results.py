@@ -121,11 +121,7 @@ def plot_png(service: Shared, job_id: str) -> Response:
 )
 def bundle(service: Shared, job_id: str) -> Response:
     """Return everything to repeat the job elsewhere, for ``ondelette replay``; what failed has no result."""
-    record, text = service.store.get(job_id), service.store.result(job_id)
-    if not record.status.final:
-        raise service.not_ready(record)
-    if record.flights_of is not None:
-        raise service.no_answer(record.flights_of)
+    record, text = service.ended(job_id)
     packed = pack(
         service.store.document(job_id),
         JobView.of(record).model_dump(mode="json"),
