@@ -39,6 +39,9 @@ def make_celery(settings: QueueSettings) -> Celery:
         worker_prefetch_multiplier=1,
         # A message that waits inside a worker could not be overtaken by a more urgent one.
         worker_disable_prefetch=True,
+        # Nor is there anything to be fetched more slowly for a while after the broker was away; Celery's
+        # bookkeeping of that asks the pool, which at a shutdown may be gone.
+        worker_enable_prefetch_count_reduction=False,
         worker_cancel_long_running_tasks_on_connection_loss=False,
         worker_send_task_events=False,
         worker_enable_remote_control=False,
