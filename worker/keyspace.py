@@ -14,11 +14,11 @@ from typing import Any, cast
 from redis import Redis
 from redis.client import Pipeline
 
-from worker import scripts
 from worker.errors import JobGone, JobNotFound
 from worker.hooks import HookList
 from worker.records import JobRecord, Priority, is_job_id
 from worker.results import Results
+from worker.scripts import caring, solving, submitting
 from worker.settings import QueueSettings
 
 _MEMORY = 30 * 86_400
@@ -47,20 +47,20 @@ class Keyspace:
         self._unacked = f"{settings.prefix}unacked_index"
         self._lease = settings.lease_seconds
         self._retention = settings.retention_seconds
-        self._add = self._script(scripts.ADD)
-        self._start = self._script(scripts.START)
-        self._report = self._script(scripts.REPORT)
-        self._finish = self._script(scripts.FINISH)
-        self._fail = self._script(scripts.FAIL)
-        self._lose = self._script(scripts.LOSE)
-        self._renew = self._script(scripts.RENEW)
-        self._reclaim = self._script(scripts.RECLAIM)
-        self._hand_back = self._script(scripts.HAND_BACK)
-        self._give_up = self._script(scripts.GIVE_UP)
-        self._cancel = self._script(scripts.CANCEL)
-        self._pin = self._script(scripts.PIN)
-        self._erase = self._script(scripts.ERASE)
-        self._answer = self._script(scripts.ANSWER)
+        self._add = self._script(submitting.ADD)
+        self._start = self._script(solving.START)
+        self._report = self._script(solving.REPORT)
+        self._finish = self._script(solving.FINISH)
+        self._fail = self._script(solving.FAIL)
+        self._lose = self._script(solving.LOSE)
+        self._renew = self._script(solving.RENEW)
+        self._reclaim = self._script(caring.RECLAIM)
+        self._hand_back = self._script(solving.HAND_BACK)
+        self._give_up = self._script(caring.GIVE_UP)
+        self._cancel = self._script(submitting.CANCEL)
+        self._pin = self._script(submitting.PIN)
+        self._erase = self._script(submitting.ERASE)
+        self._answer = self._script(submitting.ANSWER)
 
     def get(self, job_id: str) -> JobRecord:
         """Return the record of a job."""

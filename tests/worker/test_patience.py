@@ -1,7 +1,5 @@
 import logging
 import signal
-import subprocess
-import sys
 
 import pytest
 from redis.exceptions import ConnectionError, RedisError
@@ -21,24 +19,6 @@ def test_a_store_that_comes_back_is_asked_again(caplog: pytest.LogCaptureFixture
     with caplog.at_level(logging.WARNING):
         assert patiently(ask, 10, "a job") == "an answer"
     assert caplog.text.count("the store does not answer") == 1
-
-
-TOO_LONG = """
-import sys
-from worker.patience import process_limit
-
-with process_limit(60):
-    pass
-with process_limit(float(sys.argv[1])):
-    pow(3, 10**9, 7 ** 10**7)  # One call of a library that hears no signal.
-"""
-
-
-def test_a_process_is_ended_in_the_middle_of_a_call_of_a_library() -> None:
-    command = [sys.executable, "-c", TOO_LONG, "0.2"]
-    ended = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
-    assert ended.returncode == -signal.SIGALRM
-    assert "most recent call first" in ended.stderr
 
 
 def test_an_alarm_set_before_is_set_again_afterwards() -> None:
