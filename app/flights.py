@@ -5,9 +5,10 @@ from __future__ import annotations
 import time
 from dataclasses import replace
 
+from app.answers import not_finite, trajectory_of
 from app.auth import Principal
 from app.errors import ServiceError
-from app.service import Service, not_finite, trajectory_of
+from app.service import Service
 from solvers.spec import parse_document
 from solvers.spec.flights import FlightsSpec, check_flights
 from worker.records import JobRecord, JobStatus
@@ -26,7 +27,7 @@ def submit_flights(
     Its id is ``new_id``, unless ``key`` was bound to another.
     Raises as `Service.submit` does, and ServiceError where there is no answer that could be flown.
     """
-    answered = service.answer(source)
+    answered = service.answers.answer(source)
     if answered["resolved"]["document"]["problem"].get("phases"):
         raise ServiceError("no-result", "An answer with phases is not flown many times in this version.")
     spec = check_flights(parse_document(body), answered["resolved"]["document"])

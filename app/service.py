@@ -5,24 +5,23 @@ from __future__ import annotations
 import contextlib
 import json
 import logging
-import math
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Annotated, Any, cast
+from typing import Annotated, cast
 
 from fastapi import Depends, Request
 
+from app.answers import Answers
 from app.auth import Doorkeeper, Principal, read_bootstrap_key
 from app.egress import networks_of
 from app.errors import ServiceError
+from app.line import Line
 from app.seats import Seats
 from app.settings import Settings
 from app.watch import StatusWatch
 from app.webhooks import Webhooks, read_secrets
 from solvers.errors import DocumentError, Fault
-from solvers.phases.trajectory import AnyTrajectory
-from solvers.phases.trajectory import trajectory_of as read_trajectory
 from solvers.sizes import ProblemSize, problem_size
 from solvers.spec import JobSpec, answer_digest, check_text
 from worker.claims import Claims
@@ -37,31 +36,6 @@ from worker.sweeps import SweepStore
 
 logger = logging.getLogger(__name__)
 
-_LONGEST_RETRY = 300
-_RECENT = 0.5  # seconds for which the length of the line is taken to be what it was
-
-
-@dataclass(slots=True)
-class Line:
-    """How many jobs wait for each that can be solved at a time, asked for at most twice a second."""
-
-    queue: JobQueue
-    _depth: int = 0
-    _slots: int = 1
-    _until: float = -math.inf
-
-    def joined(self) -> None:
-        """Note that one more job waits."""
-        self._depth += 1
-
-    def length(self) -> float:
-        """Return it as it was just now."""
-        now = time.monotonic()
-        if now >= self._until:
-            self._depth, self._slots = self.queue.depth(), sum(self.queue.workers().values()) or 1
-            self._until = now + _RECENT
-        return self._depth / self._slots
-
 
 @dataclass(frozen=True, slots=True)
 class Service:
@@ -72,6 +46,7 @@ class Service:
     sweeps: SweepStore
     queue: JobQueue
     line: Line
+    answers: Answers
     claims: Claims
     doorkeeper: Doorkeeper
     webhooks: Webhooks
@@ -91,12 +66,14 @@ class Service:
         secrets = settings.webhook_secret_file
         file = settings.bootstrap_key_file
         bootstrap = None if file is None else digest(read_bootstrap_key(file))
+        line = Line(queue)
         return cls(
             settings,
             store,
             sweeps,
             queue,
-            Line(queue),
+            line,
+            Answers(store, line),
             Claims(redis, settings),
             Doorkeeper(settings, keys, rates, store, sweeps, bootstrap),
             Webhooks(
@@ -243,54 +220,6 @@ class Service:
         result = json.dumps(json.loads(text) | own, allow_nan=False, separators=(",", ":"))
         return earlier, result.encode()
 
-    def retry_after(self, record: JobRecord) -> int:
-        """Return after how many seconds it is worth asking for an active job again."""
-        seconds = record.estimate
-        if record.status is JobStatus.QUEUED:
-            # Those ahead are unknown to us; they are taken to be like this one.
-            seconds *= 1 + self.line.length()
-        elif record.started_at is not None:
-            seconds -= time.time() - record.started_at
-        return max(1, min(_LONGEST_RETRY, math.ceil(seconds)))
-
-    def result(self, job_id: str) -> bytes:
-        """Return the JSON text of a job's result; raises ServiceError while, or where, there is none."""
-        result = self.store.result(job_id)
-        if result is not None:
-            return result
-        record = self.store.get(job_id)
-        if not record.status.final:
-            raise self.not_ready(record)
-        raise ServiceError("no-result", f"The job {record.status} without any iterate, so it has no result.")
-
-    def ended(self, job_id: str) -> tuple[JobRecord, bytes | None]:
-        """Return a job that has ended, and its result if it has one; raises ServiceError for any other.
-
-        Nor is a job of flights told of by this.
-        """
-        record, text = self.store.get(job_id), self.store.result(job_id)
-        if not record.status.final:
-            raise self.not_ready(record)
-        if record.flights_of is not None:
-            raise self.no_answer(record.flights_of)
-        return record, text
-
-    def answer(self, job_id: str) -> dict[str, Any]:
-        """Return the result of a job that solved a problem; raises ServiceError as `result` does."""
-        stored: dict[str, Any] = json.loads(self.result(job_id))
-        if stored.get("kind") == "flights":
-            raise self.no_answer(stored["flights_of"])
-        return stored
-
-    def no_answer(self, source: str) -> ServiceError:
-        """Return the refusal of what only a job that solved a problem has, not one that flew ``source``."""
-        return ServiceError("no-result", f"The job flew the answer of job {source}; it has none of its own.")
-
-    def not_ready(self, record: JobRecord) -> ServiceError:
-        """Return the refusal of what only a final job has."""
-        detail = f"The job is {record.status}; its result can be read when its status is final."
-        return ServiceError("not-ready", detail, headers={"Retry-After": str(self.retry_after(record))})
-
 
 def new_record(
     new_id: str, spec: JobSpec, size: ProblemSize, principal: Principal, sweep: SweepPlace | None = None
@@ -319,17 +248,6 @@ def new_record(
     )
 
 
-def trajectory_of(answer: Mapping[str, Any]) -> AnyTrajectory:
-    """Return the trajectory of a result; raises ServiceError for that of an iterate that diverged."""
-    try:
-        return read_trajectory(answer)
-    except TypeError as error:
-        raise not_finite() from error
-
-
-def not_finite() -> ServiceError:
-    """Say that the numbers of an iterate that diverged (null in a result) cannot be interpolated."""
-    return ServiceError("no-result", "The last iterate is not finite, so it cannot be resampled.")
 
 
 def service_of(request: Request) -> Service:

@@ -48,7 +48,7 @@ def command(
     CSV has a row for each period; MAT has the structure ``command`` for Simulink's From Workspace block.
     """
     kind = chosen_type(request, _MEDIA)
-    stored = service.answer(job_id)
+    stored = service.answers.answer(job_id)
     if stored["method"]["name"] == "piecewise":
         raise ServiceError("no-result", "A mission in segments has no command table.")
     spec = check_document(stored["resolved"]["document"])

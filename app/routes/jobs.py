@@ -180,7 +180,7 @@ def _answer(service: Service, record: JobRecord, status: int) -> Response:
     response.headers["ETag"] = _etag(record)
     response.headers["Cache-Control"] = "private, no-cache"
     if not record.status.final:
-        response.headers["Retry-After"] = str(service.retry_after(record))
+        response.headers["Retry-After"] = str(service.line.retry_after(record))
     elif status == 202:
         response.headers["Retry-After"] = "0"
     return response

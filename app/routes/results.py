@@ -11,12 +11,13 @@ import numpy as np
 from fastapi import APIRouter, Query, Request, Response
 from numpy.typing import NDArray
 
+from app.answers import not_finite, trajectory_of
 from app.errors import ServiceError, wrong_parameter
 from app.negotiation import chosen_type
 from app.openapi import refusals
 from app.report import POLICY
 from app.schemas import JobView
-from app.service import Service, Shared, not_finite, trajectory_of
+from app.service import Service, Shared
 from solvers.bundle import pack
 from solvers.export import to_csv, to_mat, to_npz
 from solvers.phases.trajectory import AnyTrajectory
@@ -65,7 +66,7 @@ def result(
     Of flights CSV has a row for each, and NPZ and MAT are not made.
     """
     kind = chosen_type(request, _MEDIA)
-    text = service.result(job_id)
+    text = service.answers.result(job_id)
     if kind in _OF_TRAJECTORIES and service.store.get(job_id).flights_of is not None:
         raise ServiceError("not-acceptable", "Flights are available as application/json and text/csv.")
     headers = {"Vary": "Accept"}
@@ -85,7 +86,7 @@ def trajectory(
     derivatives: bool = False,
 ) -> Response:
     """Resample the trajectory from its coefficients: at ``samples`` times, at times ``t``, or by ``dt``."""
-    stored = service.answer(job_id)
+    stored = service.answers.answer(job_id)
     curves = trajectory_of(stored)
     times = _times(curves, samples, t, dt)
     sampled = resample(stored, curves, times, derivatives=derivatives)
@@ -121,7 +122,7 @@ def plot_png(service: Shared, job_id: str) -> Response:
 )
 def bundle(service: Shared, job_id: str) -> Response:
     """Return everything to repeat the job elsewhere, for ``ondelette replay``; what failed has no result."""
-    record, text = service.ended(job_id)
+    record, text = service.answers.ended(job_id)
     packed = pack(
         service.store.document(job_id),
         JobView.of(record).model_dump(mode="json"),
@@ -138,7 +139,7 @@ def _log_line(event: JobEvent) -> str:
 
 
 def _plot(service: Service, job_id: str, kind: Literal["svg", "png"], media: str) -> Response:
-    answer = service.answer(job_id)
+    answer = service.answers.answer(job_id)
     title = service.store.get(job_id).name or ""
     picture = render(answer, kind, title)
     return Response(picture, media_type=media, headers={"Content-Security-Policy": POLICY})
