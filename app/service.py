@@ -248,8 +248,6 @@ def new_record(
     )
 
 
-
-
 def service_of(request: Request) -> Service:
     """Return the service of the process that answers a request."""
     return cast(Service, request.app.state.service)
