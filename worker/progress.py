@@ -87,7 +87,12 @@ class StoreProgress:
         return True
 
     def __enter__(self) -> StoreProgress:
-        self._watching = _THREADS.submit(self._watch)
+        try:
+            self._watching = _THREADS.submit(self._watch)
+        except RuntimeError:
+            # No thread could be started for it; the next one that is finds it in the line.
+            self._done.set()
+            raise
         return self
 
     def __exit__(
