@@ -69,16 +69,24 @@ def is_switched(bounds: Interval) -> bool:
     return bool(np.isfinite(bounds).all()) and bounds[0] < bounds[1]
 
 
-def control_arcs(values: Vector, bounds: Interval, strength: Vector | None = None) -> list[ControlArc]:
+def control_arcs(
+    values: Vector,
+    bounds: Interval,
+    strength: Vector | None = None,
+    held: NDArray[np.bool_] | None = None,
+) -> list[ControlArc]:
     """Arcs in order, from a control at K nodes; a few interior nodes between two bounds are no arc.
 
     ``strength`` (K,): the magnitude of the switching function relative to its largest. Where it is given,
-    short visits to bounds amid interior nodes that it does not support count as interior.
+    short visits to bounds amid interior nodes that it does not support count as interior. ``held`` (K,):
+    where a limit decides the control; it is not free there, so that what lies beside is no chatter.
     """
     nearer = np.where(values - bounds[0] < bounds[1] - values, "lower", "upper")
     kinds = np.where(inside(values, bounds), "interior", nearer)
     if strength is not None:
-        kinds = _without_chatter(kinds, strength)
+        decided = (kinds == "interior") & (False if held is None else held)
+        kinds = _without_chatter(np.where(decided, "held", kinds), strength)
+        kinds = np.where(kinds == "held", "interior", kinds)
     runs = list(_runs(kinds))
     lasting = [
         run for run in runs if len(runs) == 1 or run.kind != "interior" or run.nodes >= SHORTEST_INTERIOR

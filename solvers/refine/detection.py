@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 from solvers.certificate import switching_functions
 from solvers.limits import Limit, limits_of
 from solvers.problem import OptimalControlProblem
-from solvers.refine.structure import SHORTEST_ARC, Pieces, Structure, distinct, present
+from solvers.refine.structure import SHORTEST_ARC, Flags, Pieces, Structure, distinct, present
 from solvers.switching import SHORTEST_INTERIOR, control_arcs, inside, switch_instants
 from solvers.trajectory import Trajectory
-from solvers.transcription.limit_rates import limit_rates
+from solvers.transcription.limit_rates import LimitRates, limit_rates
 
 Vector = NDArray[np.float64]
 
@@ -33,12 +33,13 @@ def find_structure(
     ``costates`` gives those of the answer; they are asked for only where a control is inside its bounds. An
     answer whose structure was refined needs none: its controls do not chatter.
     """
-    controls = _control_pieces(problem, trajectory, costates)
     stretches = _stretches(problem, trajectory)
+    rates = {limit: found for limit in stretches if (found := limit_rates(problem, limit)) is not None}
+    held = _held(problem, trajectory.nodes, stretches, rates)
+    controls = _control_pieces(problem, trajectory, costates, held)
     instants = [item.instants for item in controls.values()] + [item.ravel() for item in stretches.values()]
     edges = distinct(np.concatenate([np.zeros(0), *instants]))
     middles = (edges[1:] + edges[:-1]) / 2.0
-    rates = {limit: found for limit in stretches if (found := limit_rates(problem, limit)) is not None}
     followed, touched = {}, {}
     for limit, item in rates.items():
         start, stop = stretches[limit][:, :1], stretches[limit][:, 1:]
@@ -47,13 +48,52 @@ def find_structure(
             met = (start == stop) & (np.abs(start - edges[:-1]) <= SHORTEST_ARC)
             touched[limit] = np.any(met, axis=0) & (np.arange(middles.size) > 0)
     pinned = {name: pieces.at(edges) for name, pieces in controls.items()}
+    nodes = np.diff(np.searchsorted(trajectory.nodes, edges))
+    followed = _reaching(problem, nodes, pinned, followed, rates)
     return Structure(edges, pinned, present(followed), present(touched), rates).decided(problem)
 
 
+def _reaching(
+    problem: OptimalControlProblem,
+    nodes: NDArray[np.intp],
+    pinned: Mapping[str, Vector],
+    followed: Mapping[Limit, Flags],
+    rates: Mapping[Limit, LimitRates],
+) -> dict[Limit, Flags]:
+    """Limits followed from and to where the controls that they decide leave their bounds.
+
+    A few of the ``nodes`` of an arc between the two are the switch seen through the mesh, no free arc.
+    """
+    found = dict[Limit, Flags]()
+    for limit, flags in followed.items():
+        names = [problem.controls[index] for index in rates[limit].controls]
+        free = np.any([np.isnan(pinned[name]) for name in names], axis=0)
+        beside = np.append(flags[1:], False) | np.append(False, flags[:-1])
+        found[limit] = flags | (free & beside & (nodes < SHORTEST_INTERIOR))
+    return found
+
+
+def _held(
+    problem: OptimalControlProblem,
+    tau: Vector,
+    stretches: Mapping[Limit, Vector],
+    rates: Mapping[Limit, LimitRates],
+) -> NDArray[np.bool_]:
+    """At which of K instants each control is decided by a limit, (m, K)."""
+    held = np.zeros((len(problem.controls), tau.size), bool)
+    for limit, item in rates.items():
+        start, stop = stretches[limit][:, :1], stretches[limit][:, 1:]
+        held[list(item.controls)] |= np.any((start <= tau) & (tau <= stop), axis=0)
+    return held
+
+
 def _control_pieces(
-    problem: OptimalControlProblem, trajectory: Trajectory, costates: Callable[[], Vector] | None
+    problem: OptimalControlProblem,
+    trajectory: Trajectory,
+    costates: Callable[[], Vector] | None,
+    held: NDArray[np.bool_],
 ) -> dict[str, Pieces]:
-    """Where each control rests on which bound."""
+    """Where each control rests on which bound; ``held``: see :func:`_held`."""
     tau, strengths, found = trajectory.nodes, None, {}
     for index, (name, bounds) in enumerate(zip(problem.controls, problem.control_bounds, strict=True)):
         values = trajectory.controls[name](tau)
@@ -61,7 +101,7 @@ def _control_pieces(
         if costates and len(arcs) > 1 and inside(values, bounds).sum() >= SHORTEST_INTERIOR:
             if strengths is None:
                 strengths = _strengths(switching_functions(problem, trajectory, costates()))
-            arcs = control_arcs(values, bounds, strengths[index])
+            arcs = control_arcs(values, bounds, strengths[index], held[index])
         levels = [arc.level(bounds) for arc in arcs]
         found[name] = Pieces(
             switch_instants(tau, values, bounds, arcs),

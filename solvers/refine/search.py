@@ -1,8 +1,8 @@
 """The search for the true structure: multi-arc problems, changed until Pontryagin's conditions hold.
 
-Arcs that shrink to nothing are dropped, arcs on which the switching function has the wrong sign are cut, and
-where a free control comes to rest on a bound a new arc begins. Then nodes are added until the dynamics hold
-between them.
+Arcs that shrink to nothing are dropped, arcs on which the switching function or the multiplier of a limit has
+the wrong sign are cut, and where a free control comes to rest on a bound a new arc begins. Then nodes are added
+until the dynamics hold between them.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from solvers.certificate import hamiltonian_drift
+from solvers.mesh_points import spline_mesh
 from solvers.problem import OptimalControlProblem
 from solvers.refine.detection import find_structure
 from solvers.refine.mesh import ArcMesh, first_mesh
@@ -23,8 +24,8 @@ from solvers.refine.structure import Structure
 from solvers.session import Session, Solved
 from solvers.status import SolveStatus
 from solvers.trajectory import Trajectory
-from solvers.transcription.gauss_pseudospectral import GaussPseudospectral
 from solvers.transcription.multi_arc import MultiArc
+from solvers.transcription.spline_wavelet import SplineWavelet
 
 Vector = NDArray[np.float64]
 
@@ -38,6 +39,9 @@ TOLERANCE = 5e-9
 DRIFT = 1e-6
 """How far the Hamiltonian may wander, relative to the magnitude of its terms."""
 
+ACCEPTABLE = 1e-7
+"""What the error of the states between nodes may be where more nodes do not help, relative to scales."""
+
 WRONG_SIGN = 1e-3
 """The largest wrong value of a switching function that is accepted, relative to its largest value.
 
@@ -49,11 +53,12 @@ _NO_BARRIER = PROGRAM_TOLERANCE / 11.0
 # An arc of this part of the horizon does not vanish.
 _FIRM = 0.02
 _ROUNDS = 16
-# Where the arcs that were found reach no target: a mesh of so many segments and nodes, next time of twice as
-# many.
+# After so many rounds of more nodes, none of which halves the error, the structure is taken for a wrong one.
+_PATIENCE = 2
+# Where the arcs that were found reach no target: splines on this mesh, next time one level finer. They let a
+# control jump from knot to knot, where polynomials of higher degree chatter along limits.
 LOOKS = 2
-_LOOK_SEGMENTS = 16
-_LOOK_NODES = 8
+_LOOK_LENGTH, _LOOK_LEVEL = 8, 6
 # The part of what the Hamiltonian may wander that more nodes aim at.
 _DRIFT_AIM = 0.1
 # An arc is cut where the sign is wrong by more than this, and by more than the error of the states.
@@ -95,6 +100,7 @@ class Search:
         """Search from ``structure``; returns why it ended."""
         problem, start, settled = self.session.problem, self.start, False
         mesh = self._first_mesh(start, structure)
+        before, slow = np.inf, 0
         for round_ in range(_ROUNDS):
             solved = (
                 None if _too_few_arcs(problem, structure) else self._solve(structure, mesh, start, round_)
@@ -133,6 +139,13 @@ class Search:
                 start, errors = self.best.solved.trajectory, self.best.errors
             if errors.max() <= TOLERANCE:
                 return "done"
+            slow = slow + 1 if errors.max() > before / 2.0 else 0
+            before = float(errors.max())
+            closer = self._look_closer(start, round_) if slow == _PATIENCE and before > ACCEPTABLE else None
+            if closer is not None:
+                structure, start = closer
+                mesh, settled, before = self._first_mesh(start, structure), False, np.inf
+                continue
             mesh = mesh.refined(start, errors, TOLERANCE)
         return f"no structure was settled on after {_ROUNDS} rounds"
 
@@ -143,16 +156,12 @@ class Search:
         """
         if self.looks == LOOKS:
             return None
-        segments = _LOOK_SEGMENTS << self.looks
+        problem, level = self.session.problem, _LOOK_LEVEL + self.looks
         self.looks += 1
         self.session.barrier = None
-        transcription = GaussPseudospectral(
-            self.session.problem,
-            self.session.scaling,
-            start,
-            np.linspace(0.0, 1.0, segments + 1),
-            (_LOOK_NODES,) * segments,
-        )
+        knots = spline_mesh(problem, _LOOK_LENGTH, level)
+        adaptive = knots.finest > level
+        transcription = SplineWavelet(problem, self.session.scaling, start, knots, adaptive=adaptive)
         solved = self.session.solve(transcription, f"switching {round_ + 1}", _share(round_), warm=True)
         self.stopped = solved.outcome.status if solved.stopped else None
         return (structure_of(solved), solved.trajectory) if solved.converged else None
@@ -179,13 +188,17 @@ class Search:
         return self.session.solve(transcription, f"switching {round_ + 1}", _share(round_), warm=True)
 
     def _keep(self, found: Refined) -> None:
-        """Keep the better one: of one pattern that of smaller error, else that of the smaller objective."""
+        """Keep the better one: of one pattern that of smaller error, else that of the smaller objective.
+
+        What may become the answer is better than what may not.
+        """
         best = self.best
-        if best is None or (
-            found.error < best.error
-            if found.structure.pattern == best.structure.pattern
-            else found.solved.objective < best.solved.objective
-        ):
+        if best is None or best.structure.pattern == found.structure.pattern:
+            better = best is None or found.error < best.error
+        else:
+            ranks = [(item.error > ACCEPTABLE, item.solved.objective) for item in (found, best)]
+            better = ranks[0] < ranks[1]
+        if better:
             self.best = found
 
 
@@ -215,8 +228,8 @@ def _share(round_: int) -> tuple[float, float]:
 
 
 def _too_few_arcs(problem: OptimalControlProblem, structure: Structure) -> bool:
-    """Whether arcs without a free control have fewer unknown times than there are end conditions."""
-    if structure.is_free:
+    """Whether arcs that leave nothing free have fewer unknown times than there are conditions on them."""
+    if not structure.is_decided:
         return False
     free = [bounds[0] < bounds[1] for bounds in (problem.initial_time, problem.final_time)]
     free += [bounds[0] < bounds[1] for bounds in problem.initial_state]
@@ -224,4 +237,4 @@ def _too_few_arcs(problem: OptimalControlProblem, structure: Structure) -> bool:
     held = [bounds[0] == bounds[1] for bounds in problem.final_state]
     held += [item.interval[0] == item.interval[1] for item in problem.boundary]
     held += [item.interval[0] == item.interval[1] for item in problem.integrals]
-    return structure.arcs - 1 + sum(free) < sum(held)
+    return structure.arcs - 1 + sum(free) < sum(held) + structure.entry_conditions

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -11,7 +13,7 @@ from solvers.quantities import Interval
 from solvers.refine.structure import Flags, Pieces, Structure
 from solvers.session import Solved
 from solvers.trajectory import Trajectory
-from solvers.transcription.multi_arc import MultiArc
+from solvers.transcription.multi_arc import Follow, MultiArc
 
 Vector = NDArray[np.float64]
 
@@ -42,13 +44,18 @@ def next_structure(
         return np.inf, following
     controls = trajectory.controls_at(tau)
     functions = program.switching_functions(trajectory, solved.outcome.bound_multipliers)
-    largest, changes, cut = 0.0, dict[str, list[Pieces | None]](), False
+    left, largest = _left_limits(problem, solved, structure, threshold)
+    changes, cut = dict[str, list[Pieces | None]](), False
     for index, (name, levels) in enumerate(structure.pinned.items()):
         bounds = problem.control_bounds[index]
         strength = functions[index] / max(float(np.abs(functions[index]).max()), np.finfo(float).tiny)
         changes[name] = []
         for arc, level in enumerate(levels):
             here = program.arc_of_node == arc
+            if (name, arc) in left:
+                changes[name].append(left[name, arc])
+                cut = True
+                continue
             if np.isnan(level):
                 wanted = _rests(controls[index, here], bounds)
             else:
@@ -61,6 +68,70 @@ def next_structure(
             changes[name].append(None if stays else pieces)
             cut |= not stays
     return largest, structure.changed(problem, changes) if cut else None
+
+
+def _left_limits(
+    problem: OptimalControlProblem, solved: Solved, structure: Structure, threshold: float
+) -> tuple[dict[tuple[str, int], Pieces], float]:
+    """Where arcs that follow a limit should leave it: by control and arc, in pieces; the largest wrong value.
+
+    With H + nu S' along a limit of order 1, S <= 0, nu must not rise: -nu' is the multiplier of the limit
+    itself, and moving the trajectory off the limit where that is negative makes the objective smaller. Where
+    one control with two bounds decides, it goes off by the one bound and comes back by the other. Other
+    limits are taken as they are.
+    """
+    program, trajectory = solved.transcription, solved.trajectory
+    assert isinstance(program, MultiArc)
+    tau, found, largest = program.gauss_tau(trajectory), dict[tuple[str, int], Pieces](), 0.0
+    multipliers = program.limit_multipliers(trajectory, solved.outcome.row_multipliers)
+    for item, values in zip(program.follows, multipliers, strict=True):
+        if item.rates.order != 1 or len(item.rates.controls) != 1 or not values.size:
+            continue
+        (control,) = item.rates.controls
+        two_bounds = bool(np.isfinite(problem.control_bounds[control]).all())
+        relative = values / max(float(np.abs(values).max()), np.finfo(float).tiny)
+        nodes = program.nodes_following(item)
+        for arc in item.arcs:
+            here = program.arc_of_node[nodes] == arc
+            nu, instants = relative[here] * (1.0 if item.limit.upper else -1.0), tau[nodes[here]]
+            rises = [(first, last, nu[last] - nu[first]) for first, last in _rises(nu)]
+            largest = max([largest, *(float(rise) for *_, rise in rises)])
+            spans = [(instants[first], instants[last]) for first, last, rise in rises if rise > threshold]
+            if spans and two_bounds:
+                found[problem.controls[control], arc] = _visits(problem, trajectory, item, spans)
+    return found, largest
+
+
+def _rises(values: Vector) -> list[tuple[int, int]]:
+    """First and last index of every run of values that rises."""
+    rising = np.flatnonzero(np.diff(values) > 0.0)
+    runs = np.split(rising, np.flatnonzero(np.diff(rising) > 1) + 1)
+    return [(int(run[0]), int(run[-1]) + 1) for run in runs if run.size]
+
+
+def _visits(
+    problem: OptimalControlProblem,
+    trajectory: Trajectory,
+    item: Follow,
+    spans: Sequence[tuple[float, float]],
+) -> Pieces:
+    """The control that decides a limit which is left in the ``spans``: off by one bound, then back."""
+    (control,) = item.rates.controls
+    instants, levels = list[float](), [np.nan]
+    for start, stop in spans:
+        middle = np.full(2, 0.5 * (start + stop))
+        controls = trajectory.controls_at(middle)
+        controls[control] = problem.control_bounds[control]
+        _, slopes = item.rates.along(
+            problem.parameters_of(trajectory),
+            trajectory.states_at(middle),
+            controls,
+            trajectory.time(middle),
+        )
+        off = int(np.argmin(slopes if item.limit.upper else -slopes))
+        instants += [start, float(middle[0]), stop]
+        levels += [controls[control, off], controls[control, 1 - off], np.nan]
+    return Pieces(np.array(instants), np.array(levels))
 
 
 def _active(

@@ -77,6 +77,24 @@ class Structure:
         """Whether a control is free anywhere."""
         return bool(np.isnan([*self.pinned.values()]).any())
 
+    @property
+    def is_decided(self) -> bool:
+        """Whether every control rests on a bound or is decided by a limit that is followed, everywhere."""
+        free = np.isnan([*self.pinned.values()]).sum(axis=0)
+        return bool(np.all(free <= sum(self.followed.values(), np.zeros(self.arcs, int))))
+
+    @property
+    def entry_conditions(self) -> int:
+        """The number of equations that hold where limits begin to be followed or are touched."""
+        entries = [
+            int(flags[1:][~flags[:-1]].sum()) * self.rates[limit].order
+            for limit, flags in self.followed.items()
+        ]
+        touches = [
+            int(flags.sum()) * min(self.rates[limit].order, 2) for limit, flags in self.touched.items()
+        ]
+        return sum(entries) + sum(touches)
+
     def follows(self, problem: OptimalControlProblem, trajectory: Trajectory) -> tuple[Follow, ...]:
         """The limits with their arcs, as the multi-arc program wants them."""
         none = np.zeros(self.arcs, bool)

@@ -20,15 +20,22 @@ from solvers.problem import OptimalControlProblem
 from solvers.quantities import WHOLE_SPAN
 from solvers.refine.detection import find_structure
 from solvers.refine.residual import arc_errors
-from solvers.refine.search import DRIFT, LOOKS, PROGRAM_TOLERANCE, WRONG_SIGN, Refined, Search, structure_of
+from solvers.refine.search import (
+    ACCEPTABLE,
+    DRIFT,
+    LOOKS,
+    PROGRAM_TOLERANCE,
+    WRONG_SIGN,
+    Refined,
+    Search,
+    structure_of,
+)
 from solvers.refine.structure import Structure
 from solvers.session import Session, Solved
 from solvers.switching import find_switching
 from solvers.trajectory import Trajectory
 from solvers.verify import Check, Verification, dense
 
-ACCEPTABLE = 1e-7
-"""What the error of the states between nodes may be where more nodes do not help, relative to scales."""
 
 # The objective may not get worse by more than the first part of itself, if the states of the first answer are
 # right to the second part of their scales.

@@ -30,7 +30,7 @@ from scipy import sparse
 from solvers.limits import Limit
 from solvers.problem import OptimalControlProblem
 from solvers.trajectory import Trajectory
-from solvers.transcription.builder import Intervals, fixed
+from solvers.transcription.builder import Intervals, Places, fixed
 from solvers.transcription.gauss_pseudospectral import GaussPseudospectral
 from solvers.transcription.limit_rates import LimitRates
 from solvers.transcription.nodes import Instants, NodeSymbols
@@ -201,11 +201,29 @@ class MultiArc(GaussPseudospectral):
         of that node, or its pin, resists. So the terms of limits that are followed are in it too.
         """
         multipliers = -bound_multipliers / self.builder.scale * self.scaling.objective
+        weights, blocks = self._node_weights(trajectory), self.builder.blocks["controls"]
+        return np.array([multipliers[block.start : block.stop] / weights for block in blocks])
+
+    def nodes_following(self, item: Follow) -> NDArray[np.intp]:
+        """Which of the Gauss nodes follow a limit."""
+        return np.flatnonzero(np.isin(self.arc_of_node, item.arcs))
+
+    def limit_multipliers(self, trajectory: Trajectory, row_multipliers: Vector) -> list[Vector]:
+        """For each of ``follows`` the multiplier nu of S^(q) = 0, as in H + nu S^(q), at its nodes."""
+        weights, found = self._node_weights(trajectory), []
+        for index, item in enumerate(self.follows):
+            nodes = self.nodes_following(item)
+            adjoint = np.zeros(0)
+            if nodes.size:
+                adjoint = self.builder.adjoint(self.builder.places[f"limit {index}"], row_multipliers)
+            found.append(adjoint * self.scaling.objective / weights[nodes])
+        return found
+
+    def _node_weights(self, trajectory: Trajectory) -> Vector:
+        """The quadrature weights of the Gauss nodes over time."""
         shares = [width / 2.0 * rule[1] for width, rule in zip(self.widths, self._rules, strict=True)]
         lengths = trajectory.duration * np.diff(self.edges_of(trajectory))
-        weights = np.concatenate(shares) * lengths[self.arc_of_node]
-        blocks = self.builder.blocks["controls"]
-        return np.array([multipliers[block.start : block.stop] / weights for block in blocks])
+        return np.asarray(np.concatenate(shares) * lengths[self.arc_of_node], np.float64)
 
     def read_breaks(self, unknowns: Vector) -> tuple[Vector, tuple[float, float]]:
         """The normalised breaks and (t0, tf) of a solution."""
@@ -238,16 +256,17 @@ class MultiArc(GaussPseudospectral):
     def _follow(self, index: int, item: Follow) -> None:
         """Hold S^(q) at the nodes of the arcs, and S ... S^(q-1) where the trajectory meets the limit."""
         order = item.rates.order
-        nodes = np.flatnonzero(np.isin(self.arc_of_node, item.arcs))
-        self._hold(index, [order], _some(self.path_instants(), nodes))
+        along = self._hold(index, [order], _some(self.path_instants(), self.nodes_following(item)))
+        if along is not None:
+            self.builder.places[f"limit {index}"] = along
         entries = [arc for arc in item.arcs if arc > 0 and arc - 1 not in item.arcs]
         self._hold(index, range(order), self._at_arcs(entries, 0))
         self._hold(index, range(min(order, _TOUCHED)), self._at_arcs(item.touched, 0))
 
-    def _hold(self, index: int, orders: Sequence[int], instants: Instants) -> None:
-        """Hold derivatives of a limit: the first of order 0 on the level, all others at zero."""
+    def _hold(self, index: int, orders: Sequence[int], instants: Instants) -> Places | None:
+        """Hold derivatives of a limit: that of order 0 on the level, all others at zero; where it is held."""
         if not instants.tau.size or not orders:
-            return
+            return None
         symbols = NodeSymbols(self.problem)
         values = self.follows[index].rates.at(symbols, orders)
         places = self.apply(symbols.function("limit", values), instants)
@@ -258,6 +277,7 @@ class MultiArc(GaussPseudospectral):
             return both, both
 
         self.builder.constrain(level, scale=1.0, places=places)
+        return places
 
     @cached_property
     def _first_segments(self) -> NDArray[np.intp]:

@@ -187,7 +187,8 @@ def test_derivatives_of_the_program_are_exact(model: dict[str, Any], name: str) 
     [
         # Hermite-Simpson with 1,200 intervals, by another program: 26.9124 and 31.0878.
         (5, {"name": "swcm", "refine": "switching"}, 5e-5, 26.9124),
-        (1, {"name": "swcm", "J": 6}, 5e-4, 31.0878),
+        # At the slower rate the torque dips by 0.06 N m off its limit, which no node of this mesh sees.
+        (1, {"name": "swcm", "refine": "switching"}, 5e-5, 31.0878),
     ],
 )
 def test_the_slew_with_a_bounded_torque_rate(

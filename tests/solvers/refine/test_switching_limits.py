@@ -3,16 +3,28 @@
 from __future__ import annotations
 
 import copy
+import time
 from typing import Any
 
 import numpy as np
 import pytest
 from scipy.optimize import brentq
 
+from solvers.bases.graded import GradedKnots
 from solvers.catalogue import load_case
+from solvers.limits import limits_of
+from solvers.optimizers.ipopt import Limits
+from solvers.problem import OptimalControlProblem
+from solvers.progress import SilentProgress
+from solvers.refine.search import LOOKS, Search
+from solvers.refine.structure import Structure
+from solvers.scaling import automatic_scaling
+from solvers.session import Session
 from solvers.solution import Solution
 from solvers.solve import solve
 from solvers.spec import check_document
+from solvers.transcription.limit_rates import limit_rates
+from solvers.transcription.spline_wavelet import SplineWavelet
 
 METHODS = ["swcm", "gpm", "hermite_simpson"]
 
@@ -132,3 +144,49 @@ def test_pins_that_keep_a_state_on_its_limit_leave_its_multipliers_alone() -> No
     coast = with_bound.trajectory.nodes > 0.5
     assert without.method == with_bound.method
     np.testing.assert_allclose(with_bound.costates[:, coast], without.costates[:, coast], atol=1e-6)
+
+
+def test_a_limit_is_left_where_its_multiplier_has_the_wrong_sign() -> None:
+    """Along v <= 1/2, with v' = u, |u| <= 1, the cost -(cos(2 pi t) + 1/2) v pays for a dip in the middle.
+
+    It begins at a: down by u = -1 until 1/2, up again until 1 - a, with sin(2 pi a) / pi = 1/2 - a, for there
+    the integral of the weight over the dip is zero. The search is told that the limit is followed throughout.
+    """
+    document: dict[str, Any] = {
+        "problem": {
+            "model": {
+                "kind": "first_order",
+                "states": ["v"],
+                "controls": ["u"],
+                "dynamics": {"v": "u"},
+            },
+            "final_time": 1,
+            "initial_state": {"v": 0.5},
+            "bounds": {"u": [-1, 1], "v": [None, 0.5]},
+            "objective": {"running": "-(cos(2*pi*t) + 0.5)*v"},
+        }
+    }
+    problem = OptimalControlProblem.from_spec(check_document(document).problem)
+    limits = Limits(time.monotonic() + 60.0, SilentProgress().cancelled)
+    session = Session(
+        problem=problem,
+        scaling=automatic_scaling(problem),
+        tolerance=1e-12,
+        max_iterations=500,
+        limits=limits,
+        progress=SilentProgress(),
+    )
+    knots = GradedKnots.uniform(8, 2)
+    start = session.solve(SplineWavelet(problem, session.scaling, problem.guess, knots), "start").trajectory
+    (limit,) = limits_of(problem)
+    rates = limit_rates(problem, limit)
+    assert rates is not None
+    along = np.array([True])
+    structure = Structure(np.array([0.0, 1.0]), {"u": np.array([np.nan])}, {limit: along}, {}, {limit: rates})
+    search = Search(session, start, looks=LOOKS)
+    assert search.run(structure) == "done"
+    assert search.best is not None
+    a = brentq(lambda a: np.sin(2 * np.pi * a) / np.pi - 0.5 + a, 0.1, 0.4, xtol=1e-15)
+    np.testing.assert_allclose(search.best.structure.edges, [0, a, 0.5, 1 - a, 1], atol=1e-8)
+    np.testing.assert_array_equal(search.best.structure.pinned["u"], [np.nan, -1, 1, np.nan])
+    assert search.best.wrong_sign <= 1e-6
