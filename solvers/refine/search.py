@@ -53,7 +53,8 @@ _NO_BARRIER = PROGRAM_TOLERANCE / 11.0
 # An arc of this part of the horizon does not vanish.
 _FIRM = 0.02
 _ROUNDS = 16
-# After so many rounds of more nodes, none of which halves the error, the structure is taken for a wrong one.
+# After so many rounds of more nodes, none of which halves the error, the best of structures that take turns is
+# taken for a wrong one.
 _PATIENCE = 2
 # Where the arcs that were found reach no target: splines on this mesh, next time one level finer. They let a
 # control jump from knot to knot, where polynomials of higher degree chatter along limits.
@@ -139,7 +140,7 @@ class Search:
                 start, errors = self.best.solved.trajectory, self.best.errors
             if errors.max() <= TOLERANCE:
                 return "done"
-            slow = slow + 1 if errors.max() > before / 2.0 else 0
+            slow = slow + 1 if settled and errors.max() > before / 2.0 else 0
             before = float(errors.max())
             closer = self._look_closer(start, round_) if slow == _PATIENCE and before > ACCEPTABLE else None
             if closer is not None:
