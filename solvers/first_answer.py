@@ -13,6 +13,7 @@ from solvers.meshes import Mesh
 from solvers.minimum_energy import minimum_energy_start
 from solvers.session import Account, Session, Solved, Stand
 from solvers.starts import several_starts
+from solvers.status import SolveStatus
 from solvers.trajectory import Trajectory
 
 
@@ -46,7 +47,8 @@ def _from_starts(session: Session, meshes: Sequence[Mesh], count: int, span: flo
         _starts(session, count),
         count,
         span,
-        lambda start, stage, share: _continue(session, meshes, start, stage, share),
+        # Where nothing else is tried, why a coarse mesh has no feasible point is asked before a fine one is.
+        lambda start, stage, share: _continue(session, meshes, start, stage, share, asks_why=count == 1),
     )
 
 
@@ -86,15 +88,21 @@ def rank(answer: Stand[Any, Any]) -> tuple[bool, float]:
 
 
 def _continue(
-    session: Session, meshes: Sequence[Mesh], first: Start, stage: str, share: tuple[float, float]
+    session: Session,
+    meshes: Sequence[Mesh],
+    first: Start,
+    stage: str,
+    share: tuple[float, float],
+    *,
+    asks_why: bool,
 ) -> Solved:
-    """Solve mesh after mesh, each from the answer of the one before."""
+    """Solve mesh after mesh, each from the answer of the one before; see :func:`continued`."""
 
     def solve_on(index: int, start: Start, label: str, part: tuple[float, float], warm: bool) -> Solved:
         transcription = meshes[index](session.problem, session.scaling, start)
         return session.solve(transcription, label, part, warm=warm)
 
-    return continued(session, len(meshes), solve_on, first, stage, share)
+    return continued(session, len(meshes), solve_on, first, stage, share, asks_why=asks_why)
 
 
 def continued(
@@ -104,14 +112,20 @@ def continued(
     first: Any,
     stage: str,
     share: tuple[float, float],
+    *,
+    asks_why: bool = False,
 ) -> Ended:
-    """Solve on mesh after mesh, the first one from ``first``, each other from the answer before."""
+    """Solve on mesh after mesh, the first one from ``first``, each other from the answer before.
+
+    ``asks_why``: what ended as infeasible on the last but one comes back as it is, to be diagnosed.
+    """
     start, width = first, (share[1] - share[0]) / meshes
     for index in range(meshes):
         label = stage if meshes == 1 else f"{stage} level {index + 1} of {meshes}"
         part = share[0] + index * width, share[0] + (index + 1) * width
         solved = solve_on(index, start, label, part, start is not first)
-        if solved.stopped:
+        unmet = asks_why and solved.outcome.status is SolveStatus.INFEASIBLE
+        if solved.stopped or (unmet and index == meshes - 2):
             break
         # Building a fine mesh takes its time: ask before.
         stop = account.stop if index + 1 < meshes else None

@@ -75,8 +75,9 @@ def solve(
     diagnosis: list[dict[str, Any]] = []
     improved = resume(session, spec.method, earlier)
     if improved is None:
-        answers = first_answers(session, meshes_of(method), spec.options.starts, earlier, span)
-        answers[0], diagnosis = diagnose(session, spec.problem, answers[0], span)
+        meshes = meshes_of(method)
+        answers = first_answers(session, meshes, spec.options.starts, earlier, span)
+        answers[0], diagnosis = diagnose(session, spec.problem, answers[0], meshes[-1], span)
         improved = improve(session, spec.method, answers[0], span)
     else:
         answers = [improved.solved]

@@ -189,7 +189,7 @@ def _finished(
         residual = end_error(session.problem, answer.trajectory, answer.integrals)
         share = _SEARCHED, end
         solved = polish(session, method, search.best, answer.trajectory, residual, share)
-        solved, diagnosis = diagnose(session, spec, solved, end)
+        solved, diagnosis = diagnose(session, spec, solved, span=end)
         answer = replace(_reached(Improved(solved)), diagnosis=diagnosis)
         if method.polish == "penalty":
             residual = end_error(session.problem, answer.trajectory, answer.integrals)

@@ -131,6 +131,27 @@ def test_the_slew_that_has_too_little_time(flexible_spacecraft: Document) -> Non
     assert miss["violation"] == pytest.approx(least, rel=0.02)
 
 
+def test_a_coarse_mesh_is_asked_why_before_a_fine_one_is_tried(flexible_spacecraft: Document) -> None:
+    """What is missing is that of the fine mesh all the same: all three discretise the same slew."""
+    flexible_spacecraft["problem"]["final_time"] = 20
+    fine = diagnosed(flexible_spacecraft, {"name": "swcm", "J": 7})
+    coarse = diagnosed(flexible_spacecraft, {"name": "swcm", "J": 4})
+    other = diagnosed(flexible_spacecraft, {"name": "hermite_simpson", "intervals": 400})
+    miss, rough, reference = ((item.diagnosis or [])[0]["violation"] for item in (fine, coarse, other))
+    assert abs(miss - reference) < 5e-6 < abs(rough - reference)
+    assert [level["nodes"] for level in fine.convergence] == [17, 129]
+    # It is the failing solve of a fine mesh that takes long: 132 iterations, where 30 are for all meshes.
+    assert fine.statistics.iterations < 120
+
+
+def test_a_coarse_mesh_alone_does_not_make_a_document_infeasible(flexible_spacecraft: Document) -> None:
+    """25.8669 s are the least on the mesh before the last, 25.8661 s on the last one."""
+    flexible_spacecraft["problem"]["final_time"] = 25.8664
+    solution = solve(check_document({**flexible_spacecraft, "method": {"name": "swcm", "J": 7}}))
+    assert solution.success, solution.message
+    assert [level["nodes"] for level in solution.convergence][-1] == 1025
+
+
 def test_the_end_of_one_scenario_is_named_where_it_stands(rigid_body: Document) -> None:
     problem = rigid_body["problem"]
     heavy = {"name": "heavy", "parameters": {"m": 2}, "final_state": {"x": 9, "x_dot": [None, None]}}
@@ -178,7 +199,7 @@ def test_what_has_a_feasible_point_gets_no_diagnosis_but_another_try(
     )
     good = first_answers(session, meshes_of(spec.method), 1, None, 1.0)[0]
     given_up = replace(good, outcome=replace(good.outcome, status=status))
-    again, diagnosis = diagnose(session, spec.problem, given_up)
+    again, diagnosis = diagnose(session, spec.problem, given_up, meshes_of(spec.method)[-1])
     assert diagnosis == []
     assert again.converged
     assert again.objective == pytest.approx(good.objective, abs=1e-6)
