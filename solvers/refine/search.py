@@ -1,8 +1,8 @@
 """The search for the true structure: multi-arc problems, changed until Pontryagin's conditions hold.
 
-Arcs that shrink to nothing are dropped, arcs on which the switching function or the multiplier of a limit has
-the wrong sign are cut, and where a free control comes to rest on a bound a new arc begins. Then nodes are added
-until the dynamics hold between them.
+Arcs that shrink to nothing are dropped, arcs on which the switching function or the multiplier of a limit
+has the wrong sign are cut, and where a free control comes to rest on a bound a new arc begins. Then nodes are
+added until the dynamics hold between them.
 """
 
 from __future__ import annotations
@@ -53,8 +53,8 @@ _NO_BARRIER = PROGRAM_TOLERANCE / 11.0
 # An arc of this part of the horizon does not vanish.
 _FIRM = 0.02
 _ROUNDS = 16
-# After so many rounds of more nodes, none of which halves the error, the best of structures that take turns is
-# taken for a wrong one.
+# After so many rounds of more nodes, none of which halves the error, the best of structures that take turns
+# is taken for a wrong one.
 _PATIENCE = 2
 # Where the arcs that were found reach no target: splines on this mesh, next time one level finer. They let a
 # control jump from knot to knot, where polynomials of higher degree chatter along limits.
