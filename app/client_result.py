@@ -20,8 +20,8 @@ if TYPE_CHECKING:
     import xarray
     from matplotlib.figure import Figure
 
+    from solvers.phases.trajectory import AnyTrajectory
     from solvers.problem import OptimalControlProblem
-    from solvers.trajectory import Trajectory
 
 Array = NDArray[np.float64]
 
@@ -120,33 +120,28 @@ class Result(dict[str, Any]):
         """Evaluate the trajectory at one or many times, from its coefficients, without asking the service.
 
         Gives the same numbers as `Client.trajectory`; of several plants under one command those of the first.
-        Where a control jumps, a time gives the right value, and one that stands twice in a row both values.
-        Raises ValueError for times outside the trajectory, `NotFiniteError` for an iterate that diverged,
-        `ClientError` for a flight of phases, which `Client.trajectory` evaluates.
+        Where a control jumps or two phases meet, a time gives the right value, and one that stands twice in a
+        row both values; what a phase does not have is NaN there.
+        Raises ValueError for times outside the trajectory, `NotFiniteError` for an iterate that diverged.
         """
-        from solvers.sampling import sample
+        from solvers.sampling import sample_any
 
-        problem, trajectory = self._answer
+        problems, trajectory = self._answer
         instants = np.asarray(times, np.float64)
         if not trajectory.covers(instants):
             raise ValueError(f"times must lie within the trajectory, [{trajectory.t0!r}, {trajectory.tf!r}]")
-        sampled = sample(problem, trajectory, instants.ravel(), derivatives=derivatives)
-        found = Samples.of(sampled, instants.shape)
-        if not all(np.isfinite(values).all() for values in found.states.values()):
+        if not trajectory.finite:
             raise NotFiniteError("the last iterate is not finite, so that it cannot be evaluated")
-        return found
+        sampled = sample_any(problems, trajectory, instants.ravel(), derivatives=derivatives)
+        return Samples.of(sampled, instants.shape)
 
     @cached_property
-    def _answer(self) -> tuple[OptimalControlProblem, Trajectory]:
-        """The problem, for its outputs, and the curves."""
-        from solvers.sampling import problem_of
-        from solvers.trajectory import Trajectory
+    def _answer(self) -> tuple[list[OptimalControlProblem], AnyTrajectory]:
+        """The problem of each phase, for its outputs, and the curves."""
+        from solvers.phases.trajectory import trajectory_of
+        from solvers.sampling import problems_of
 
-        if "phases" in self["coefficients"]:
-            raise ClientError(
-                "a flight of phases is not evaluated here yet: ask the service (Client.trajectory)"
-            )
-        return problem_of(self), Trajectory.from_result(self)
+        return problems_of(self), trajectory_of(self)
 
     def to_xarray(self) -> xarray.Dataset:
         """The samples as a dataset over ``t``, with units where the document tells them.

@@ -55,11 +55,37 @@ def resample(
     derivatives: bool = False,
 ) -> dict[str, Any]:
     """The ``trajectory`` of a stored result, whose ``curves`` these are, at other times."""
+    return sample_any(problems_of(result), curves, times, derivatives=derivatives)
+
+
+def sample_any(
+    problems: Sequence[OptimalControlProblem],
+    curves: AnyTrajectory,
+    times: Vector,
+    *,
+    derivatives: bool = False,
+) -> dict[str, Any]:
+    """The samples of any answer at times in any order, with the problem of each of its phases."""
     if isinstance(curves, Trajectory):
-        return sample(problem_of(result), curves, times, derivatives=derivatives)
-    phases = phased_problem(check_document(result["resolved"]["document"]).problem).phases
-    problems = [phase.plant.problem for phase in phases]
-    return joined(sample_phases(problems, curves, times, derivatives=derivatives))
+        return sample(problems[0], curves, times, derivatives=derivatives)
+    # Phase by phase, then back into the order that was asked for.
+    order = np.argsort(curves.owners(times), kind="stable")
+    whole = joined(sample_phases(problems, curves, times, derivatives=derivatives))
+    places = np.argsort(order).tolist()
+    groups = {
+        key: {name: [values[place] for place in places] for name, values in group.items()}
+        for key, group in whole.items()
+        if key != "t"
+    }
+    return {"t": [whole["t"][place] for place in places], **groups}
+
+
+def problems_of(result: Mapping[str, Any]) -> list[OptimalControlProblem]:
+    """The problem of each phase of a stored result, the only one where it has no phases."""
+    spec = check_document(result["resolved"]["document"]).problem
+    if spec.phases:
+        return [phase.plant.problem for phase in phased_problem(spec).phases]
+    return [problem_of(result)]
 
 
 def problem_of(result: Mapping[str, Any]) -> OptimalControlProblem:

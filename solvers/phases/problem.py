@@ -38,6 +38,7 @@ from solvers.spec import (
     written_out,
 )
 from solvers.spec.pointers import parse_pointer
+from solvers.time_knots import corner_warnings
 
 
 @dataclass(frozen=True)
@@ -105,8 +106,8 @@ class PhasedProblem:
 
     @property
     def warnings(self) -> list[dict[str, str]]:
-        """Where the objective of a phase has corners that no slack takes away."""
-        return [
+        """Corners of the objective of a phase that no slack takes away, and of tables that no mesh meets."""
+        found = [
             {
                 "code": "nonsmooth",
                 "pointer": phase.located(pointer),
@@ -115,6 +116,9 @@ class PhasedProblem:
             for phase in self.phases
             for pointer, text in corners(phase.problem)
         ]
+        for item in [item for phase in self.phases for item in corner_warnings(phase.problem)]:
+            found += [item] if item not in found else []
+        return found
 
     def plants(self, answer: PhasedTrajectory) -> PhasedTrajectory:
         """An answer under the names of the document, without what was added to solve it."""
@@ -153,6 +157,12 @@ class PhasedProblem:
             **parameters[0],
             "t0": initial[2],
         }
+
+
+def meet_when_given(before: OptimalControlProblem, after: OptimalControlProblem) -> bool:
+    """Whether the time at which one phase ends and the next one begins is a given number."""
+    end, begin = before.final_time, after.initial_time
+    return end == begin and end[0] == end[1]
 
 
 def start_after(
@@ -216,12 +226,12 @@ def _phase(spec: ProblemSpec, view: PhaseView, fields: Mapping[str, Any], times:
     common = None if view.has_own_model else spec.objective.running
     costs = [parse(cost) for cost in (common, objective.running) if cost is not None]
     own_start = view.index == 0 or view.phase.get("initial_time") is not None
-    parameters = problem.parameters
+    begin = bound_interval(fields["initial_time"], problem.parameters)
     problem = replace(
         problem,
         running_cost=total(costs) if costs else None,
-        # A later phase begins when the one before ends.
-        initial_time=bound_interval(fields["initial_time"], parameters) if own_start else FREE,
+        # A later phase begins when the one before ends, which the document may say.
+        initial_time=begin if own_start or begin[0] == begin[1] else FREE,
     )
     return Phase(view, alone, problem, Plant(view.phase["name"], problem))
 

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from scipy import sparse
 
 from solvers.phases.joined import side_by_side
-from solvers.phases.problem import Link, PhasedProblem, start_after
+from solvers.phases.problem import Link, PhasedProblem, meet_when_given, start_after
 from solvers.phases.trajectory import PhasedTrajectory
 from solvers.program import NonlinearProgram
 from solvers.scaling import magnitude
@@ -74,7 +74,7 @@ class PhasedTranscription:
         problem = self.problem
         intervals = [item.interval for item in problem.boundary] + [item.interval for item in problem.totals]
         sizes = tuple(map(magnitude, intervals))
-        return "phases", tuple(part.key for part in self.parts), self.problem.structure, sizes
+        return "phases", tuple(part.key for part in self.parts), self.problem.structure, self._given, sizes
 
     @property
     def objective_scale(self) -> float:
@@ -120,6 +120,11 @@ class PhasedTranscription:
         """Where the unknowns of each phase begin, and where the last ones end."""
         return [0, *accumulate(part.builder.size for part in self.parts)]
 
+    @property
+    def _given(self) -> tuple[bool, ...]:
+        """For each meeting of two phases whether its time is given, so that no row is needed."""
+        return tuple(meet_when_given(before.problem, after.problem) for before, after in pairwise(self.parts))
+
     def _join(self) -> None:
         builder, problem = self._joints, self.problem
         builder.unknowns(
@@ -131,7 +136,8 @@ class PhasedTranscription:
         )
         for index, (before, after) in enumerate(pairwise(self.parts)):
             end, start = self._scalars(index, "times")[1], self._scalars(index + 1, "times")[0]
-            builder.constrain(fixed(0.0, 0.0), scale=after.scaling.time, linear=_sum(start, -end))
+            if not self._given[index]:
+                builder.constrain(fixed(0.0, 0.0), scale=after.scaling.time, linear=_sum(start, -end))
             self._link(problem.links[index], index, before, after)
         self._share_design()
         for number, item in enumerate(problem.totals):

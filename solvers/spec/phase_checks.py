@@ -114,8 +114,6 @@ def _not_done(document: Mapping[str, Any]) -> Iterator[tuple[Path, str]]:
     for key in ("refine", "adaptive"):
         if name in _METHODS and method.get(key) is not None:
             yield ("method", key), f"'{key}'"
-    if problem.get("data"):
-        yield ("problem", "data"), "data tables"
     if problem.get("final_attitude") is not None:
         yield ("problem", "final_attitude"), "'final_attitude'"
     if problem.get("scenarios"):

@@ -86,6 +86,7 @@ class PhaseView:
             "final_time": end,
             "boundary_constraints": listed(self.phase.get("boundary_constraints")),
             "design": mapping(shared.get("design")),
+            "data": mapping(self.outer.get("data")),
             "objective": self.phase.get("objective") or _NOTHING,
             "guess": self.phase.get("guess"),
         }
@@ -104,7 +105,7 @@ class PhaseView:
             before = 0 if self.has_own_model else len(listed(self.outer.get(key)))
             at = int(rest[0])
             return path if at < before else (*here, key, at - before, *rest[1:])
-        if key == "design" or (key in _TABLES and self._is_common(str(key), rest)):
+        if key in ("design", "data") or (key in _TABLES and self._is_common(str(key), rest)):
             return path
         said = self.phase.get(str(key)) is not None
         return own if said or self.has_own_model or key in _TABLES else path

@@ -17,6 +17,7 @@ from app.client import MissingExtraError, NotFiniteError, Result
 from solvers.builders import library
 from solvers.solve import solve
 from solvers.spec import check_document
+from tests.solvers.phases.test_phases import BOUNCE
 from worker.records import JobStatus
 
 
@@ -67,6 +68,20 @@ def test_it_is_evaluated_as_the_service_evaluates_it(
         assert list(arrays) == list(told[group])
         for name, values in told[group].items():
             np.testing.assert_array_equal(arrays[name].ravel(), values)
+
+
+def test_a_flight_of_phases_is_evaluated_in_any_order() -> None:
+    """Where the ball bounces, a time gives the velocity after it, and standing twice both."""
+    flight = Result(solve(check_document({**BOUNCE, "method": {"name": "swcm", "J": 2}})).result())
+    there = np.array([[1.5, 0.25], [1.0, 0.5], [1.0, 1.0]])
+    here = flight.at(there, derivatives=True)
+    for when, states in ((1.5, 1), (0.25, 0)):
+        alone = flight.at(when, derivatives=True)
+        assert here.states["x"][0][1 - states] == alone.states["x"]
+        assert here.rates["x"][0][1 - states] == alone.rates["x"] == alone.states["x_dot"]
+    # w = -3 (1 + e) / (2 (1 + e^2)) before, -e w after it, with e = 1/2.
+    np.testing.assert_allclose(here.states["x_dot"][[1, 2, 2], [0, 0, 1]], [0.9, -1.8, 0.9], atol=1e-3)
+    np.testing.assert_allclose(flight.at(flight.t).states["x_dot"], flight.states["x_dot"], atol=1e-12)
 
 
 def test_at_the_nodes_it_is_what_the_method_found(result: Result) -> None:

@@ -19,6 +19,7 @@ from solvers.sizes import problem_size
 from solvers.spec import check_document
 from solvers.verify import Tolerances
 from tests.solvers.conftest import INTEGRATOR, OSCILLATOR, REGULATOR
+from tests.solvers.test_data_tables import disturbed, least_energy
 from tests.solvers.test_outputs import each_method, result_of
 
 GPM = {"name": "gpm", "nodes": 24}
@@ -263,6 +264,28 @@ def test_phases_with_models_of_their_own() -> None:
         group = "outputs" if name == "power" else "states"
         assert set(trajectory[group][name][phase["start"] : phase["stop"] + 1]) == {None}
     json.dumps(result, allow_nan=False)
+
+
+@pytest.mark.parametrize("kind", ["linear", "previous"])
+def test_tables_are_met_at_their_corners_in_every_phase(kind: str) -> None:
+    """Two phases that go on where the other ends are one flight, whose least energy is known."""
+    document = disturbed(kind, name="gpm", nodes=20)
+    document["problem"]["phases"] = [{"name": "first", "final_time": 0.5}, {"name": "second"}]
+    result = result_of(document)
+    assert result["success"], result["message"]
+    assert result["objective"] == pytest.approx(least_energy(kind), abs=1e-10)
+    assert result["verification"]["objective"] == pytest.approx(least_energy(kind), abs=1e-10)
+    size = problem_size(check_document(document))
+    assert (size.variables, size.constraints) == (
+        result["statistics"]["variables"],
+        result["statistics"]["constraints"],
+    )
+    assert result["warnings"] == []
+    document["problem"]["phases"][0]["final_time"] = [0.4, 0.6]
+    warnings = phased_problem(check_document(document).problem).warnings
+    assert [(item["code"], item["pointer"]) for item in warnings] == [
+        ("table_corners_off_mesh", "/problem/data/Td")
+    ]
 
 
 def test_what_counts_over_the_whole_flight() -> None:
