@@ -36,7 +36,6 @@ from solvers.switching import find_switching
 from solvers.trajectory import Trajectory
 from solvers.verify import Check, Verification, dense
 
-
 # The objective may not get worse by more than the first part of itself, if the states of the first answer are
 # right to the second part of their scales.
 _WORSE = 1e-3
