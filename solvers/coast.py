@@ -13,7 +13,7 @@ from solvers.backends import NUMPY
 from solvers.flight import ControlledModel, FlightError
 from solvers.problem import OptimalControlProblem
 from solvers.trajectory import Trajectory
-from solvers.verify import SMALLEST_SCALE
+from solvers.violations import SMALLEST_SCALE
 
 Vector = NDArray[np.float64]
 

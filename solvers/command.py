@@ -22,7 +22,7 @@ from solvers.flight import INTEGRATOR, RTOL, FlightError
 from solvers.problem import OptimalControlProblem
 from solvers.spec import CommandSpec
 from solvers.trajectory import Trajectory
-from solvers.verify import SMALLEST_SCALE
+from solvers.violations import SMALLEST_SCALE
 
 Vector = NDArray[np.float64]
 

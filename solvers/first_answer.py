@@ -10,7 +10,7 @@ import numpy as np
 
 from solvers.guess import Start, WarmStart
 from solvers.meshes import Mesh
-from solvers.minimum_energy import minimum_energy_start
+from solvers.minimum_energy import CubicStart, minimum_energy_start
 from solvers.session import Account, Session, Solved, Stand
 from solvers.starts import several_starts
 from solvers.status import SolveStatus
@@ -100,7 +100,8 @@ def _continue(
 
     def solve_on(index: int, start: Start, label: str, part: tuple[float, float], warm: bool) -> Solved:
         transcription = meshes[index](session.problem, session.scaling, start)
-        return session.solve(transcription, label, part, warm=warm)
+        obeys = isinstance(start, CubicStart)
+        return session.solve(transcription, label, part, warm=warm, obeys=obeys)
 
     return continued(session, len(meshes), solve_on, first, stage, share, asks_why=asks_why)
 

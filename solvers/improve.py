@@ -9,16 +9,25 @@ from typing import Any
 from solvers.meshes import adaptive_mesh_of
 from solvers.problem import OptimalControlProblem
 from solvers.refine.adaptive import Adapted, adapt
+from solvers.refine.extremals import Extremal, other_extremals
 from solvers.refine.residual import mesh_error_estimate
 from solvers.refine.switching import Refinement, is_refinable, refine_switching, resume_switching
 from solvers.session import Session, Solved
-from solvers.spec import Adaptivity, AutoMethod, Method, SplineAdaptivity, SplineWaveletMethod
+from solvers.spec import (
+    Adaptivity,
+    AutoMethod,
+    HermiteSimpsonMethod,
+    Method,
+    SplineAdaptivity,
+    SplineWaveletMethod,
+)
 from solvers.switching import find_switching
 from solvers.trajectory import Trajectory
-from solvers.verify import Verification
+from solvers.verification import Verification
 
 # The highest level to which the automatic choice refines: 500,000 intervals where they are needed.
 _AUTOMATIC_LEVEL = 16
+_SECOND_CHOICE_INTERVALS = 40
 
 
 @dataclass(frozen=True)
@@ -71,9 +80,17 @@ class Improved:
         return verification if self.refinement is None else self.refinement.certified(verification)
 
 
-def first_method(method: Method) -> Method:
-    """The method of the first answer: that of the document, wavelets where it leaves the choice."""
-    return SplineWaveletMethod(name="swcm") if isinstance(method, AutoMethod) else method
+def first_methods(method: Method) -> Sequence[Method]:
+    """The methods of the first answer, each for where the one before does not converge.
+
+    That of the document; wavelets, then Hermite-Simpson, where it leaves the choice.
+    """
+    if isinstance(method, AutoMethod):
+        return [
+            SplineWaveletMethod(name="swcm"),
+            HermiteSimpsonMethod(name="hermite_simpson", intervals=_SECOND_CHOICE_INTERVALS),
+        ]
+    return [method]
 
 
 def wants_more(method: Method) -> bool:
@@ -92,15 +109,15 @@ def resume(session: Session, method: Method, earlier: Trajectory | None) -> Impr
     return None if refinement is None else Improved(refinement.solved, refinement=refinement)
 
 
-def improve(session: Session, method: Method, first: Solved, span: float) -> Improved:
-    """Improve a first answer, for which ``span`` of all work is done, as the method asks.
+def improve(session: Session, method: Method, used: Method, first: Solved, span: float) -> Improved:
+    """Improve a first answer by the method ``used``, ``span`` of all work, as ``method`` asks.
 
     Raises whatever the progress of the session raises.
     """
     if not first.converged:
         return Improved(first)
     if isinstance(method, AutoMethod):
-        return _automatically(session, method, first, span)
+        return _automatically(session, method, used, first, span)
     improved = Improved(first)
     if method.adaptivity is not None:
         adapted = adapt(
@@ -113,13 +130,34 @@ def improve(session: Session, method: Method, first: Solved, span: float) -> Imp
     return improved
 
 
-def _automatically(session: Session, method: AutoMethod, first: Solved, span: float) -> Improved:
+def other_structures(session: Session, improved: Improved, count: int) -> tuple[Improved, list[Extremal]]:
+    """What else ``count`` starts find for a refined answer, and the answer, or a better one among these.
+
+    Raises whatever the progress of the session raises.
+    """
+    refinement = improved.refinement
+    if refinement is None or refinement.refined is None or not count:
+        return improved, []
+    extremals = other_extremals(session, refinement.refined, count)
+    better = next((item for item in extremals if item.obeys_signs), None)
+    if better is not None and better.objective < improved.solved.objective:
+        found = resume_switching(session, better.found.solved.trajectory)
+        if found is not None and found.solved.objective < improved.solved.objective:
+            improved = replace(improved, solved=found.solved, refinement=found)
+    return improved, extremals
+
+
+def _automatically(
+    session: Session, method: AutoMethod, used: Method, first: Solved, span: float
+) -> Improved:
     """The structure first, which is exact and cheap; an adapted mesh where it is not found."""
     if is_refinable(session.problem):
         refinement = refine_switching(session, first)
         if refinement.refined is not None or refinement.solved.stopped:
             return Improved(refinement.solved, refinement=refinement)
-    adaptivity = SplineAdaptivity(tolerance=method.accuracy, max_level=_AUTOMATIC_LEVEL)
-    mesh = adaptive_mesh_of(SplineWaveletMethod(name="swcm", adaptive=adaptivity), session.problem)
+    adaptivity = Adaptivity(tolerance=method.accuracy)
+    if isinstance(used, SplineWaveletMethod):
+        adaptivity = SplineAdaptivity(tolerance=method.accuracy, max_level=_AUTOMATIC_LEVEL)
+    mesh = adaptive_mesh_of(used.model_copy(update={"adaptive": adaptivity}), session.problem)
     adapted = adapt(session, mesh, method.accuracy, first, span)
     return Improved(adapted.solved, adapted, adaptivity)

@@ -14,7 +14,8 @@ from solvers.solution import PlantAnswer
 from solvers.spec import JobSpec
 from solvers.status import SolveStatus
 from solvers.trajectory import Trajectory
-from solvers.verify import Tolerances, Verification, verify
+from solvers.verification import Tolerances, Verification
+from solvers.verify import verify
 
 _SECONDS = {SolveStatus.CONVERGED: 60.0, SolveStatus.CANCELLED: 0.5}
 _SECONDS_UNCONVERGED = 2.0

@@ -128,8 +128,9 @@ class NonlinearProgram:
 class CompiledProgram:
     """The functions that an optimizer calls, of w and of p = ``NonlinearProgram.numbers``.
 
-    ``program`` (w, p) -> (J, c); ``gradient`` (w, p) -> (J, dJ/dw); ``jacobian`` (w, p) -> (c, dc/dw);
-    ``hessian`` (w, p, sigma, lambda) -> upper triangle, of the Lagrangian.
+    ``program`` (w, p) -> (J, c); ``gradient`` (w, p) -> (J, dJ/dw); ``jacobian`` (w, p) -> (nothing, dc/dw);
+    ``hessian`` (w, p, sigma, lambda) -> upper triangle, of the Lagrangian. CasADi gives the Jacobian a first
+    output for the constraints, which its IPOPT never asks for and an MX function would compute all the same.
     """
 
     program: ca.Function
@@ -178,7 +179,9 @@ def compile_program(program: NonlinearProgram) -> CompiledProgram:
     return CompiledProgram(
         ca.Function("nlp", [w, p], [objective, constraints], ["x", "p"], ["f", "g"]),
         ca.Function("nlp_grad_f", [w, p], [objective, ca.densify(gradient)], ["x", "p"], ["f", "grad_f_x"]),
-        ca.Function("nlp_jac_g", [w, p], [constraints, jacobian.matrix()], ["x", "p"], ["g", "jac_g_x"]),
+        ca.Function(
+            "nlp_jac_g", [w, p], [ca.MX(*constraints.shape), jacobian.matrix()], ["x", "p"], ["g", "jac_g_x"]
+        ),
         ca.Function(
             "nlp_hess_l",
             [w, p, sigma, multipliers],

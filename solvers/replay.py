@@ -15,7 +15,8 @@ from solvers.piecewise.again import verify_again
 from solvers.scenarios import formulate
 from solvers.spec import JobSpec, PiecewiseMethod, check_text
 from solvers.trajectory import Trajectory
-from solvers.verify import Tolerances, Verification, verify
+from solvers.verification import Tolerances, Verification
+from solvers.verify import verify
 
 SECONDS = 600.0
 """Time for the flight, in seconds."""

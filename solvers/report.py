@@ -12,7 +12,7 @@ from solvers.backends import NUMPY
 from solvers.problem import OptimalControlProblem
 from solvers.quantities import Interval
 from solvers.trajectory import Trajectory
-from solvers.verify import SMALLEST_SCALE, dense
+from solvers.violations import SMALLEST_SCALE, dense
 
 Vector = NDArray[np.float64]
 

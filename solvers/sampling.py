@@ -14,7 +14,7 @@ from solvers.problem import OptimalControlProblem
 from solvers.scenarios import formulate
 from solvers.spec import check_document
 from solvers.trajectory import Trajectory
-from solvers.verify import dense
+from solvers.violations import dense
 
 Vector = NDArray[np.float64]
 

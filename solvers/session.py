@@ -123,8 +123,10 @@ class Account:
         share: tuple[float, float] = (0.0, 1.0),
         *,
         warm: bool = False,
+        obeys: bool = False,
     ) -> Outcome:
-        """Solve one program. ``share``: the part of all work that it is; ``warm``: it starts near the answer.
+        """Solve one program. ``share``: the part of all work that it is; ``warm``: it starts near the answer;
+        ``obeys``: from what obeys the model.
 
         Raises whatever the progress raises.
         """
@@ -144,12 +146,12 @@ class Account:
             )
 
         # A key is also told by how the optimizer is set, which is compiled in.
-        key = (transcription.key, self.tolerance, self.max_iterations, warm, warm and self.barrier)
+        key = (transcription.key, self.tolerance, self.max_iterations, warm, obeys, warm and self.barrier)
         known = STRUCTURES.take(key)
         if known is not None:
             transcription.builder = known.builder
         program = transcription.program()
-        optimizer = known.optimizer if known is not None else self._optimizer(program, warm=warm)
+        optimizer = known.optimizer if known is not None else self._optimizer(program, warm=warm, obeys=obeys)
         outcome = optimizer.minimise(program, self.limits, report)
         STRUCTURES.put(key, CompiledStructure(transcription.builder, optimizer))
         self.iterations += outcome.iterations
@@ -182,12 +184,13 @@ class Account:
         self.next_sketch = now + _SKETCH_EVERY
         return transcription.sketch(iterate.unknowns, _SKETCH_SAMPLES)
 
-    def _optimizer(self, program: NonlinearProgram, *, warm: bool) -> Ipopt:
+    def _optimizer(self, program: NonlinearProgram, *, warm: bool, obeys: bool) -> Ipopt:
         return Ipopt(
             program,
             tolerance=self.tolerance,
             max_iterations=self.max_iterations,
             warm=warm,
+            obeys=obeys,
             barrier=self.barrier if warm else None,
         )
 
@@ -206,9 +209,10 @@ class Session(Account):
         share: tuple[float, float] = (0.0, 1.0),
         *,
         warm: bool = False,
+        obeys: bool = False,
     ) -> Solved:
         """Solve one mesh; see :meth:`Account.optimise`."""
-        outcome = self.optimise(transcription, stage, share, warm=warm)
+        outcome = self.optimise(transcription, stage, share, warm=warm, obeys=obeys)
         solved = Solved(transcription, outcome, transcription.trajectory(outcome.unknowns))
         self.note(int(solved.trajectory.nodes.size), stage, outcome, transcription.objective_scale)
         return solved

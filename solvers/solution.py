@@ -23,7 +23,7 @@ from solvers.scenarios import Plant
 from solvers.spec import JobSpec
 from solvers.status import SolveStatus
 from solvers.trajectory import Trajectory
-from solvers.verify import Verification
+from solvers.verification import Verification
 
 Vector = NDArray[np.float64]
 

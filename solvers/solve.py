@@ -12,7 +12,7 @@ from solvers.diagnosis import diagnose, sentence
 from solvers.errors import DocumentError, Fault
 from solvers.first_answer import first_answers
 from solvers.genetic.solve import solve_by_genes
-from solvers.improve import first_method, improve, resume, wants_more
+from solvers.improve import first_methods, improve, other_structures, resume, wants_more
 from solvers.judgement import judge, verified
 from solvers.meshes import meshes_of
 from solvers.model_report import model_report
@@ -27,12 +27,16 @@ from solvers.report import constraint_margins
 from solvers.scaling import automatic_scaling
 from solvers.scenarios import formulate
 from solvers.sensitivity import sensitivity
-from solvers.session import Session, start_report, statistics_of
+from solvers.session import Session, Solved, start_report, statistics_of
 from solvers.solution import PlantAnswer, Solution
-from solvers.spec import GeneticMethod, JobSpec, PiecewiseMethod
+from solvers.spec import GeneticMethod, JobSpec, Method, PiecewiseMethod
+from solvers.status import SolveStatus
+from solvers.trajectory import Trajectory
 
 # The part of all work that a first answer is taken to be where more is asked for.
 _FIRST_SPAN = 0.5
+# After so many iterations another method is tried, where there is one: the cases take a tenth of them.
+_FIRST_ITERATIONS = 300
 
 
 def solve(
@@ -70,17 +74,17 @@ def solve(
         solution = solve_by_genes(spec, session, spec.method, earlier, formulation)
         session.seconds["total"] = time.perf_counter() - started
         return solution
-    method = first_method(spec.method)
+    method = first_methods(spec.method)[0]
     span = _FIRST_SPAN if wants_more(spec.method) else 1.0
     diagnosis: list[dict[str, Any]] = []
     improved = resume(session, spec.method, earlier)
     if improved is None:
-        meshes = meshes_of(method)
-        answers = first_answers(session, meshes, spec.options.starts, earlier, span)
-        answers[0], diagnosis = diagnose(session, spec.problem, answers[0], meshes[-1], span)
-        improved = improve(session, spec.method, answers[0], span)
+        method, answers = _first(session, spec, earlier, span)
+        answers[0], diagnosis = diagnose(session, spec.problem, answers[0], meshes_of(method)[-1], span)
+        improved = improve(session, spec.method, method, answers[0], span)
     else:
         answers = [improved.solved]
+    improved, extremals = other_structures(session, improved, spec.options.starts - 1)
     solved = improved.solved
     costates = solved.transcription.costates(solved.trajectory, solved.outcome.row_multipliers)
     plants = [
@@ -123,12 +127,32 @@ def solve(
         constraints=constraint_margins(leading.problem, trajectory),
         sensitivity=slopes,
         convergence=session.convergence,
-        starts=[start_report(item, item.trajectory.tf, kept=item is answers[0]) for item in answers],
+        starts=[
+            *(start_report(item, item.trajectory.tf, kept=item is answers[0]) for item in answers),
+            *(item.report(problem) for item in extremals),
+        ],
         warnings=[*formulation.warnings(problem), *improved.warnings],
         plants=() if one_plant else plants,
         diagnosis=diagnosis,
         statistics=statistics_of(solved, session),
     )
+
+
+def _first(
+    session: Session, spec: JobSpec, earlier: Trajectory | None, span: float
+) -> tuple[Method, list[Solved]]:
+    """The first answers, best first, and the method that they are by.
+
+    Another method is tried where the choice is left to the solver and the first one comes to no end.
+    """
+    methods, limit = first_methods(spec.method), session.max_iterations
+    for method in methods:
+        session.max_iterations = limit if method is methods[-1] else min(limit, _FIRST_ITERATIONS)
+        answers = first_answers(session, meshes_of(method), spec.options.starts, earlier, span)
+        if answers[0].outcome.status not in (SolveStatus.ITERATION_LIMIT, SolveStatus.DIVERGED):
+            break
+    session.max_iterations = limit
+    return method, answers
 
 
 def _phased(spec: JobSpec, earlier: AnyTrajectory | None) -> PhasedTrajectory | None:

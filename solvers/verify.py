@@ -6,7 +6,7 @@ magnitude on the trajectory (at least 1e-6).
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -14,111 +14,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from solvers.backends import NUMPY
-from solvers.flight import INSIDE, INTEGRATOR, RTOL, ControlledModel, FlightError
+from solvers.flight import INSIDE, ControlledModel, FlightError
 from solvers.problem import OptimalControlProblem
-from solvers.quantities import Constraint
 from solvers.trajectory import Trajectory
+from solvers.verification import Check, StateReport, Tolerances, Verification
+from solvers.violations import dense, largest_violation, outside, scale_of, scaled_violation
 
 Vector = NDArray[np.float64]
 
-SMALLEST_SCALE = 1e-6
 # Beyond this growth, rounding alone would move the end by more than a millionth of its scale.
 MEANINGFUL_GROWTH = 1e8
-_SAMPLES_PER_ARC = 8
-
-
-@dataclass(frozen=True)
-class Tolerances:
-    """Limits of a verified result, relative to each quantity's scale."""
-
-    terminal_error: float = 1e-2
-    state_error: float = 1e-2
-    bound: float = 1e-2
-    path: float = 1e-2
-
-
-@dataclass(frozen=True)
-class Check:
-    """One comparison; ``value`` is None where it could not be computed, which fails."""
-
-    name: str
-    value: float | None
-    limit: float
-
-    @property
-    def passed(self) -> bool:
-        """Whether the value is within the limit."""
-        return self.value is not None and self.value <= self.limit
-
-
-@dataclass(frozen=True)
-class StateReport:
-    """Errors of one state in its own units, and the time of the largest one between breakpoints."""
-
-    terminal_error: float | None
-    max_error: float | None
-    at: float | None
-    tolerance: float
-
-
-@dataclass(frozen=True)
-class Verification:
-    """What the flight showed. Integrals, scaled maxima, a report for each state, the checks that decide."""
-
-    terminal_error: float | None
-    max_state_error: float | None
-    max_bound_violation: float
-    max_path_violation: float
-    objective: float | None
-    integrals: Mapping[str, float]
-    growth: float | None
-    states: Mapping[str, StateReport]
-    tolerances: Tolerances
-    checks: tuple[Check, ...]
-    note: str
-    hamiltonian_drift: float | None = None
-    mesh_error_estimate: float | None = None
-    end: Vector | None = None
-    """The final state, (n,): as flown, or as promised where the flight says nothing of it."""
-    parts: tuple[Verification, ...] = ()
-    """Those of the phases of a flight."""
-
-    @property
-    def passed(self) -> bool:
-        """Whether every check passed."""
-        return all(check.passed for check in self.checks)
-
-    def to_dict(self) -> dict[str, Any]:
-        """The ``verification`` of a result."""
-        return {
-            "integrator": INTEGRATOR,
-            "rtol": RTOL,
-            "terminal_error": self.terminal_error,
-            "max_state_error": self.max_state_error,
-            "max_bound_violation": self.max_bound_violation,
-            "max_path_violation": self.max_path_violation,
-            "objective": self.objective,
-            "integrals": dict(self.integrals),
-            "hamiltonian_drift": self.hamiltonian_drift,
-            "mesh_error_estimate": self.mesh_error_estimate,
-            "growth": self.growth,
-            "states": {
-                name: {
-                    "terminal_error": report.terminal_error,
-                    "max_error": report.max_error,
-                    "at": report.at,
-                    "tolerance": report.tolerance,
-                }
-                for name, report in self.states.items()
-            },
-            "tolerances": vars(self.tolerances),
-            "checks": [
-                {"name": check.name, "value": check.value, "limit": check.limit, "passed": check.passed}
-                for check in self.checks
-            ],
-            "passed": self.passed,
-            "note": self.note,
-        }
 
 
 @dataclass(frozen=True)
@@ -244,32 +149,9 @@ def _fly(
         return replace(evidence, note=f"The whole flight was not computed: {error}.")
     flown = flight.states[:, -1]
     # Off the promise, or off the end condition itself.
-    off_target = _outside(flown[:, None], np.array(problem.final_state)).max(axis=1)
+    off_target = outside(flown[:, None], np.array(problem.final_state)).max(axis=1)
     misses = np.maximum(np.abs(flown - promised[:, -1]), off_target)
     return replace(evidence, ends=flown, misses=misses, integrals=flight.integrals)
-
-
-def dense(breakpoints: Vector) -> Vector:
-    """The breakpoints and equally spaced points between them."""
-    fractions = np.arange(_SAMPLES_PER_ARC) / _SAMPLES_PER_ARC
-    return np.append((breakpoints[:-1, None] + np.diff(breakpoints)[:, None] * fractions).ravel(), 1.0)
-
-
-def scale_of(values: Vector) -> Vector:
-    """The scale of each row: its largest magnitude, at least a smallest one."""
-    scale: Vector = np.maximum(SMALLEST_SCALE, np.abs(values).max(axis=1, initial=0.0))
-    return scale
-
-
-def _outside(values: Vector, bounds: Vector) -> Vector:
-    """How far each of ``values`` (n, K) lies outside ``bounds`` (n, 2); NaN is infinitely far outside."""
-    outside = np.maximum(bounds[:, :1] - values, values - bounds[:, 1:])
-    return np.where(np.isnan(values), np.inf, np.maximum(outside, 0.0))
-
-
-def scaled_violation(values: Vector, bounds: Vector, scale: Vector) -> float:
-    """The largest violation of ``bounds`` (n, 2) by ``values`` (n, K), each row relative to its scale."""
-    return float(np.max(_outside(values, bounds.reshape(-1, 2)) / scale[:, None], initial=0.0))
 
 
 def _integral_violation(problem: OptimalControlProblem, evidence: _Evidence) -> float:
@@ -278,24 +160,6 @@ def _integral_violation(problem: OptimalControlProblem, evidence: _Evidence) -> 
         return 0.0
     values = evidence.integrals[1:, None]
     return scaled_violation(values, np.array([item.interval for item in problem.integrals]), scale_of(values))
-
-
-def largest_violation(
-    constraints: Sequence[Constraint], scope: Mapping[str, Any], tau: Vector | None = None
-) -> float:
-    """The largest violation of expressions, each relative to its own scale, where it is to hold."""
-    largest = 0.0
-    for constraint in constraints:
-        with np.errstate(all="ignore"):
-            value = constraint.expression.evaluate(scope, NUMPY.functions)
-        if tau is not None:
-            value = np.broadcast_to(value, tau.shape)[constraint.holds_at(tau)]
-        values = np.atleast_2d(np.asarray(value, np.float64))
-        size = np.max(np.abs(values), where=np.isfinite(values), initial=constraint.scale)
-        scale = np.maximum(SMALLEST_SCALE, size)
-        violation = scaled_violation(values, np.array([constraint.interval]), np.array([scale]))
-        largest = max(largest, violation)
-    return largest
 
 
 def _ends_scope(

@@ -22,7 +22,7 @@ from solvers.problem import OptimalControlProblem
 from solvers.quantities import NamedQuantity
 from solvers.time_knots import corner_times
 from solvers.trajectory import Trajectory
-from solvers.verify import SMALLEST_SCALE
+from solvers.violations import SMALLEST_SCALE
 
 Vector = NDArray[np.float64]
 

@@ -22,7 +22,7 @@ from solvers.session import Session, Solved
 from solvers.spec import GeneticMethod
 from solvers.trajectory import Trajectory
 from solvers.transcription.daubechies_controls import DaubechiesControls
-from solvers.verify import SMALLEST_SCALE
+from solvers.violations import SMALLEST_SCALE
 
 Vector = NDArray[np.float64]
 

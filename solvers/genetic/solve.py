@@ -19,7 +19,7 @@ from solvers.genetic.islands import Islands
 from solvers.genetic.penalties import with_free_end
 from solvers.genetic.search import Search
 from solvers.genetic.stage import Stages
-from solvers.improve import Improved, first_method, improve
+from solvers.improve import Improved, first_methods, improve
 from solvers.judgement import judge, verified
 from solvers.meshes import meshes_of
 from solvers.model_report import model_report
@@ -32,7 +32,7 @@ from solvers.spec import AutoMethod, GeneticMethod, JobSpec, ProblemSpec
 from solvers.status import SolveStatus
 from solvers.switching import find_switching
 from solvers.trajectory import Trajectory
-from solvers.verify import Check, Verification
+from solvers.verification import Check, Verification
 
 Vector = NDArray[np.float64]
 
@@ -196,9 +196,9 @@ def _finished(
             answer = replace(answer, objective=answer.objective - method.penalty * residual**2)
     if method.refine is not None and answer.status is SolveStatus.CONVERGED:
         auto = AutoMethod(name="auto")
-        meshes = meshes_of(first_method(auto))
-        first = first_answers(session, meshes, 1, answer.trajectory, _POLISHED)[0]
-        answer = _reached(improve(session, auto, first, _POLISHED))
+        used = first_methods(auto)[0]
+        first = first_answers(session, meshes_of(used), 1, answer.trajectory, _POLISHED)[0]
+        answer = _reached(improve(session, auto, used, first, _POLISHED))
     return answer
 
 

@@ -24,6 +24,12 @@ _WATCHED_UNKNOWNS = 4000
 # Measured on the cases (docs/benchmarks.md): the adaptive barrier needs two thirds of the iterations of the
 # monotone one, from a guess and from the answer on a coarser mesh.
 _ADAPTIVE = {"ipopt.mu_strategy": "adaptive"}
+# From a point that obeys the model, multipliers of bounds begin at barrier / slack, on the central path;
+# IPOPT's constant 1 is far from it where a bound does not matter (a fifth of the iterations of the slew and
+# its neighbours, two thirds on some adapted meshes). Near the answer a low barrier is enough: with a high one
+# fine meshes wander. From a mere guess the constant keeps controls away from bounds that they need not meet.
+_CENTRAL = {"ipopt.bound_mult_init_method": "mu-based"}
+_NEAR_BARRIER = 1e-3
 # Whether a step solves its linear equations is not looked at: the end of a solve is judged by the error of
 # the optimality conditions, and on every case the iterations stay the same. Exact programs need exact steps,
 # and when they start near the answer, a low barrier that only falls.
@@ -101,9 +107,10 @@ class Limits:
 class Ipopt:
     """IPOPT on the functions of one program; serves every program of the same structure, one at a time.
 
-    ``warm`` says that initial points are close to solutions. ``barrier``: where the barrier parameter starts
-    and falls from; by default it adapts, or starts low where an exact solution is near. ``repeated``: many
-    programs will be solved; small ones are then unrolled, which takes longer once and less every time.
+    ``warm`` says that initial points are close to solutions, ``obeys`` that they obey the model. ``barrier``:
+    where the barrier parameter starts and falls from; by default it adapts, or starts low where an exact
+    solution is near. ``repeated``: many programs will be solved; small ones are then unrolled,
+    which takes longer once and less every time.
     """
 
     def __init__(
@@ -113,6 +120,7 @@ class Ipopt:
         tolerance: float,
         max_iterations: int,
         warm: bool = False,
+        obeys: bool = False,
         barrier: float | None = None,
         repeated: bool = False,
     ) -> None:
@@ -143,9 +151,14 @@ class Ipopt:
             barrier = barrier or _LOW_BARRIER
         if not exact:
             options |= _FAST
-        options |= _ADAPTIVE if barrier is None else {"ipopt.mu_init": barrier}
-        if warm:
-            options |= _NEAR if barrier is None else _FALLING
+        if barrier is not None:
+            options |= {"ipopt.mu_init": barrier} | (_FALLING if warm else {})
+        else:
+            options |= _ADAPTIVE
+            if warm:
+                options |= _NEAR | _CENTRAL | {"ipopt.mu_init": _NEAR_BARRIER}
+            elif obeys:
+                options |= _CENTRAL
         self._solver = ca.nlpsol("solver", "ipopt", compiled.program, options)
 
     def minimise(

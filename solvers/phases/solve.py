@@ -31,7 +31,7 @@ from solvers.sensitivity import Place, numbers_of, slopes
 from solvers.session import start_report, statistics_of
 from solvers.spec import JobSpec, ProblemSpec, Value
 from solvers.switching import find_switching
-from solvers.verify import Verification
+from solvers.verification import Verification
 
 Vector = NDArray[np.float64]
 

@@ -17,17 +17,9 @@ from solvers.backends import NUMPY
 from solvers.phases.problem import PhasedProblem, start_after
 from solvers.phases.trajectory import PhasedTrajectory
 from solvers.trajectory import Trajectory
-from solvers.verify import (
-    Check,
-    StateReport,
-    Tolerances,
-    Verification,
-    dense,
-    largest_violation,
-    scale_of,
-    scaled_violation,
-    verify,
-)
+from solvers.verification import Check, StateReport, Tolerances, Verification
+from solvers.verify import verify
+from solvers.violations import dense, largest_violation, scale_of, scaled_violation
 
 Vector = NDArray[np.float64]
 

@@ -22,7 +22,7 @@ from solvers.report import constraint_margins
 from solvers.solution import Solution, Statistics
 from solvers.status import SolveStatus
 from solvers.trajectory import Trajectory
-from solvers.verify import Tolerances, Verification
+from solvers.verification import Tolerances, Verification
 
 Vector = NDArray[np.float64]
 

@@ -21,16 +21,8 @@ from solvers.piecewise.plant import Plant
 from solvers.problem import OptimalControlProblem
 from solvers.spec import PiecewiseMethod
 from solvers.trajectory import Trajectory
-from solvers.verify import (
-    SMALLEST_SCALE,
-    Check,
-    StateReport,
-    Tolerances,
-    Verification,
-    dense,
-    largest_violation,
-    scaled_violation,
-)
+from solvers.verification import Check, StateReport, Tolerances, Verification
+from solvers.violations import SMALLEST_SCALE, dense, largest_violation, scaled_violation
 
 Vector = NDArray[np.float64]
 

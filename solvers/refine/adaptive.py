@@ -26,7 +26,7 @@ from solvers.scaling import Scaling
 from solvers.session import Session, Solved
 from solvers.trajectory import Trajectory
 from solvers.transcription.base import Transcription
-from solvers.verify import SMALLEST_SCALE
+from solvers.violations import SMALLEST_SCALE
 
 Vector = NDArray[np.float64]
 

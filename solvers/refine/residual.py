@@ -23,7 +23,8 @@ from solvers.bases.legendre import (
 )
 from solvers.problem import OptimalControlProblem
 from solvers.trajectory import Trajectory
-from solvers.verify import MEANINGFUL_GROWTH, SMALLEST_SCALE
+from solvers.verify import MEANINGFUL_GROWTH
+from solvers.violations import dense, outside, scale_of
 
 Vector = NDArray[np.float64]
 
@@ -61,36 +62,46 @@ def arc_errors(problem: OptimalControlProblem, trajectory: Trajectory) -> ArcErr
     widths = np.diff(breaks)
     tau = breaks[:-1, None] + widths[:, None] * points
     shape = (-1, *tau.shape)
-    states, controls = trajectory.states_at(tau.ravel()), trajectory.controls_at(tau.ravel())
-    scale, limits = _scale(states), _control_limits(problem)
-    drift = np.zeros(states.shape)
+    scale = scale_of(trajectory.states_at(tau.ravel()))
+    drift = np.zeros((scale.size, tau.size))
     moves = []
     with np.errstate(all="ignore"):
         for _ in range(2):
             gap = _gap(problem, trajectory, tau.ravel(), drift).reshape(shape)
             moves.append(trajectory.duration * widths[:, None] * (gap @ integral.T) / scale[:, None, None])
-            drift = (moves[-1][..., :-1] * scale[:, None, None]).reshape(states.shape)
+            drift = (moves[-1][..., :-1] * scale[:, None, None]).reshape(drift.shape)
         largest, ends = np.abs(moves[1]).max(axis=-1), moves[1][..., -1]
         change = np.abs(moves[1] - moves[0]).max(axis=(0, 2))
         long = ~(change <= np.maximum(_CONTRACTS * largest.max(axis=0), _NEGLIGIBLE))
         if long.any():
             largest[:, long], ends[:, long] = _followed(problem, trajectory, np.flatnonzero(long), scale)
-        path = np.zeros(tau.size)
-        flown = np.clip(controls, limits[:, :1], limits[:, 1:])
-        scope = problem.scope(
-            states, flown, trajectory.time(tau.ravel()), problem.parameters_of(trajectory), NUMPY
-        )
-        for constraint in problem.path:
-            values = np.broadcast_to(constraint.expression.evaluate(scope, NUMPY.functions), tau.size)
-            outside = _outside(values[None], np.array([constraint.interval]))
-            path = np.maximum(path, np.where(constraint.holds_at(tau.ravel()), outside, 0.0))
-    bounds = np.maximum(
-        _outside(states, np.array(problem.state_bounds, np.float64)),
-        _outside(controls, limits) if controls.size else 0.0,
+        return ArcErrors(largest, ends, *_violations(problem, trajectory))
+
+
+def _violations(problem: OptimalControlProblem, trajectory: Trajectory) -> tuple[Vector, Vector]:
+    """The largest violation of a bound and of a path constraint on each arc, where verification looks."""
+    tau = dense(trajectory.breakpoints)
+    states, controls, limits = (
+        trajectory.states_at(tau),
+        trajectory.controls_at(tau),
+        _control_limits(problem),
     )
-    return ArcErrors(
-        largest, ends, bounds.reshape(tau.shape).max(axis=1), path.reshape(tau.shape).max(axis=1)
+    bounds, path = _outside(states, np.array(problem.state_bounds, np.float64)), np.zeros(tau.size)
+    if controls.size:
+        bounds = np.maximum(bounds, _outside(controls, limits))
+    flown = np.clip(controls, limits[:, :1], limits[:, 1:])
+    scope = problem.scope(states, flown, trajectory.time(tau), problem.parameters_of(trajectory), NUMPY)
+    for constraint in problem.path:
+        values = np.broadcast_to(constraint.expression.evaluate(scope, NUMPY.functions), tau.size)
+        beyond = _outside(values[None], np.array([constraint.interval]))
+        path = np.maximum(path, np.where(constraint.holds_at(tau), beyond, 0.0))
+    # An arc has its own samples and the first one of the next.
+    starts = np.arange(0, tau.size - 1, (tau.size - 1) // (trajectory.breakpoints.size - 1))
+    first, second = (
+        np.maximum(np.maximum.reduceat(values[:-1], starts), values[np.append(starts[1:], tau.size - 1)])
+        for values in (bounds, path)
     )
+    return first, second
 
 
 def mesh_error_estimate(problem: OptimalControlProblem, trajectory: Trajectory) -> float | None:
@@ -106,7 +117,7 @@ def flight_error(problem: OptimalControlProblem, trajectory: Trajectory, errors:
     """
     breaks = trajectory.breakpoints
     widths = np.diff(breaks)
-    scale = _scale(trajectory.states_at(breaks))
+    scale = scale_of(trajectory.states_at(breaks))
     n = scale.size
     with np.errstate(all="ignore"):
         slopes = _slopes(
@@ -180,12 +191,7 @@ def _control_limits(problem: OptimalControlProblem) -> Vector:
 
 def _outside(values: Vector, bounds: Vector) -> Vector:
     """The largest violation of bounds (R, 2) by rows of values (R, K), relative to each row's size, (K,)."""
-    outside = np.maximum(bounds[:, :1] - values, values - bounds[:, 1:]) / _scale(values)[:, None]
-    return np.asarray(np.maximum(outside, 0.0).max(axis=0), np.float64)
-
-
-def _scale(values: Vector) -> Vector:
-    return np.asarray(np.maximum(SMALLEST_SCALE, np.abs(values).max(axis=1)), np.float64)
+    return np.asarray((outside(values, bounds) / scale_of(values)[:, None]).max(axis=0), np.float64)
 
 
 @lru_cache(maxsize=1)

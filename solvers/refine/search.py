@@ -172,16 +172,7 @@ class Search:
         return first_mesh(self.session.problem, start, structure)
 
     def _solve(self, structure: Structure, mesh: ArcMesh, start: Trajectory, round_: int) -> Solved:
-        transcription = MultiArc(
-            self.session.problem,
-            self.session.scaling,
-            start,
-            mesh.breaks(structure.edges),
-            mesh.flat_counts,
-            mesh.parts,
-            structure.pinned,
-            structure.follows(self.session.problem, start),
-        )
+        transcription = arcs_program(self.session, structure, mesh, start)
         # Without free controls, and with arcs that are there to stay, there is no bound to stay away from:
         # three steps of Newton's method.
         firm = not structure.is_free and np.diff(structure.edges).min() >= _FIRM
@@ -201,6 +192,20 @@ class Search:
             better = ranks[0] < ranks[1]
         if better:
             self.best = found
+
+
+def arcs_program(session: Session, structure: Structure, mesh: ArcMesh, start: Trajectory) -> MultiArc:
+    """The multi-arc problem of a structure, to be solved from ``start``."""
+    return MultiArc(
+        session.problem,
+        session.scaling,
+        start,
+        mesh.breaks(structure.edges),
+        mesh.flat_counts,
+        mesh.parts,
+        structure.pinned,
+        structure.follows(session.problem, start),
+    )
 
 
 def structure_of(solved: Solved) -> Structure:

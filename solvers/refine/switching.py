@@ -34,7 +34,8 @@ from solvers.refine.structure import Structure
 from solvers.session import Session, Solved
 from solvers.switching import find_switching
 from solvers.trajectory import Trajectory
-from solvers.verify import Check, Verification, dense
+from solvers.verification import Check, Verification
+from solvers.violations import dense
 
 # The objective may not get worse by more than the first part of itself, if the states of the first answer are
 # right to the second part of their scales.

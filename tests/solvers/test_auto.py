@@ -11,11 +11,7 @@ from solvers.catalogue import case_names, load_case
 from solvers.solve import solve
 from solvers.spec import check_document
 
-# On the cone along which the sensor goes, structures found from the automatic choice's mesh take turns.
-DELICATE = {"keep_out_slew"}
-SINGLE = [
-    name for name in case_names() if load_case(name)["method"]["name"] != "piecewise" and name not in DELICATE
-]
+SINGLE = [name for name in case_names() if load_case(name)["method"]["name"] != "piecewise"]
 """Problems that are solved as one, which missions in segments are not."""
 
 

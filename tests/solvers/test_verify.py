@@ -15,7 +15,8 @@ from solvers.problem import OptimalControlProblem
 from solvers.solve import solve
 from solvers.spec import check_document
 from solvers.trajectory import Trajectory
-from solvers.verify import Tolerances, Verification, verify
+from solvers.verification import Tolerances, Verification
+from solvers.verify import verify
 
 
 def checked(problem: OptimalControlProblem, trajectory: Trajectory) -> Verification:

@@ -17,7 +17,7 @@ from solvers.plot import render
 from solvers.sampling import resample
 from solvers.sizes import problem_size
 from solvers.spec import check_document
-from solvers.verify import Tolerances
+from solvers.verification import Tolerances
 from tests.solvers.conftest import INTEGRATOR, OSCILLATOR, REGULATOR
 from tests.solvers.test_data_tables import disturbed, least_energy
 from tests.solvers.test_outputs import each_method, result_of

@@ -22,7 +22,8 @@ from solvers.solution import Solution
 from solvers.solve import solve
 from solvers.spec import check_document
 from solvers.trajectory import Trajectory
-from solvers.verify import Tolerances, verify
+from solvers.verification import Tolerances
+from solvers.verify import verify
 
 CASES = [
     "brachistochrone",
