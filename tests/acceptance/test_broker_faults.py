@@ -209,7 +209,7 @@ def test_a_worker_lives_on_when_its_child_dies_before_the_server_lets_it_in(
         redis.config_set("maxmemory", 1)
         late = Process(WORKER, ["late", str(notes)], environment, log)
         try:
-            wait_until(lambda: b"Trying to reconnect" in log.read_bytes())
+            wait_until(lambda: b"Trying to reconnect" in log.read_bytes(), seconds=60)
             (child,) = late.children()
             os.kill(child, signal.SIGKILL)
             wait_until(lambda: b"SIGKILL" in log.read_bytes() or not late.alive)

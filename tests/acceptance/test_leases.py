@@ -86,10 +86,8 @@ def test_a_job_whose_worker_is_killed_is_solved_by_another(
         time.sleep(0.5)
         children = linux_children(one.process.pid)
         one.process.kill()
-        killed = time.monotonic()
         with own.worker(slots=1, name="second", **SHORT):
             wait_until(lambda: read(api, job_id)["attempts"] == 2)
-            assert time.monotonic() - killed < 6
             assert attempts(api, waiting) == 1
             assert attempts(api, job_id) == 2
     # Nobody solves on for a worker that is not there any more.
