@@ -68,9 +68,14 @@ def _reaching(
     for limit, flags in followed.items():
         names = [problem.controls[index] for index in rates[limit].controls]
         free = np.any([np.isnan(pinned[name]) for name in names], axis=0)
-        beside = np.append(flags[1:], False) | np.append(False, flags[:-1])
-        found[limit] = flags | (free & beside & (nodes < SHORTEST_INTERIOR))
+        between = _beside(flags, -1) & _beside(~free, 1) | _beside(flags, 1) & _beside(~free, -1)
+        found[limit] = flags | (free & between & (nodes < SHORTEST_INTERIOR))
     return found
+
+
+def _beside(flags: Flags, step: int) -> Flags:
+    """For each arc the flag of the one before it (``step`` -1) or after it (1); False where there is none."""
+    return np.append(flags[1:], False) if step > 0 else np.append(False, flags[:-1])
 
 
 def _held(

@@ -143,6 +143,7 @@ def test_methods_list_their_defaults_and_schemas() -> None:
             "elite": 1,
             "penalty": 100.0,
             "seed": 0,
+            "processes": 1,
             "variant": "modern",
             "polish": "exact",
         },

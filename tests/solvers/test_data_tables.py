@@ -228,12 +228,12 @@ def test_warnings_where_corners_cannot_be_points_of_a_mesh() -> None:
     document = disturbed("previous", name="gpm")
     document["problem"] |= {"final_time": [0.5, 2], "objective": {"terminal": "tf"}, "bounds": {"u": [-9, 9]}}
     formulation = formulate(check_document(document).problem)
-    assert [(item["code"], item["pointer"]) for item in formulation.warnings] == [
+    assert [(item["code"], item["pointer"]) for item in formulation.warnings(formulation.problem)] == [
         ("table_corners_off_mesh", "/problem/data/Td")
     ]
     document["problem"]["model"]["force"] = ["Td(x)"]
     formulation = formulate(check_document(document).problem)
-    assert [item["code"] for item in formulation.warnings] == ["nonsmooth"]
+    assert [item["code"] for item in formulation.warnings(formulation.problem)] == ["nonsmooth"]
     document["problem"]["data"]["Td"]["interpolation"] = "cubic"
     assert not formulate(check_document(document).problem).warnings
 
