@@ -235,7 +235,8 @@ def test_warnings_where_corners_cannot_be_points_of_a_mesh() -> None:
     formulation = formulate(check_document(document).problem)
     assert [item["code"] for item in formulation.warnings(formulation.problem)] == ["nonsmooth"]
     document["problem"]["data"]["Td"]["interpolation"] = "cubic"
-    assert not formulate(check_document(document).problem).warnings
+    formulation = formulate(check_document(document).problem)
+    assert not formulation.warnings(formulation.problem)
 
 
 def test_a_parameter_that_a_table_names_has_no_sensitivity() -> None:
