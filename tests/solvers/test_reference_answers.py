@@ -122,8 +122,9 @@ def test_a_fine_level_starts_from_the_answer_of_a_coarse_one(flexible_spacecraft
     assert solution.success
 
 
-def test_a_mesh_of_4099_points(flexible_spacecraft: dict[str, Any]) -> None:
-    solution = answer(flexible_spacecraft, name="swcm", J=9)
+@pytest.mark.parametrize("level", [9, 10])
+def test_a_mesh_of_thousands_of_points(flexible_spacecraft: dict[str, Any], level: int) -> None:
+    solution = answer(flexible_spacecraft, name="swcm", J=level)
     assert solution.success
     assert abs(solution.objective - MINIMUM_TIME) <= 1e-5
     np.testing.assert_allclose(solution.switching["T"]["times"], SWITCHES, atol=1e-3)
