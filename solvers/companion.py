@@ -21,6 +21,9 @@ from typing import Any, Self
 
 from solvers.errors import OndeletteError
 
+GLANCE = 0.02
+"""Seconds between two looks at whether somebody wants to stop, while a companion works."""
+
 
 class CompanionError(OndeletteError):
     """The process has ended, or failed by an error of ours."""

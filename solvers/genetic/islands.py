@@ -7,13 +7,10 @@ from multiprocessing.connection import Connection, wait
 from types import TracebackType
 from typing import Any, Self
 
-from solvers.companion import Companion
+from solvers.companion import GLANCE, Companion
 from solvers.genetic.record import Record
 from solvers.genetic.run import Order
 from solvers.trajectory import Trajectory
-
-_GLANCE = 0.02
-"""Seconds between two looks at whether somebody wants to stop."""
 
 
 class Islands:
@@ -42,7 +39,7 @@ class Islands:
 
     def listen(self) -> None:
         """Wait a moment for what islands tell. Raises CompanionError where one has ended or failed."""
-        for connection in wait([*self._busy], _GLANCE):
+        for connection in wait([*self._busy], GLANCE):
             assert isinstance(connection, Connection)
             number, part = self._companions[connection].receive()
             self.records[number].append(part)

@@ -26,7 +26,7 @@ from solvers.model_report import model_report
 from solvers.refine.residual import mesh_error_estimate
 from solvers.report import constraint_margins
 from solvers.scenarios import Formulation, Plant
-from solvers.session import Session
+from solvers.session import Session, statistics_of
 from solvers.solution import PlantAnswer, Solution, Statistics
 from solvers.spec import AutoMethod, GeneticMethod, JobSpec, ProblemSpec
 from solvers.status import SolveStatus
@@ -284,8 +284,4 @@ def _statistics(session: Session, search: Search, improved: Improved | None) -> 
         return Statistics(
             search.best.genome.size, 0, session.iterations, None, session.seconds, nlp_solver=None
         )
-    solved = improved.solved
-    builder = solved.transcription.builder
-    return Statistics(
-        builder.size, builder.row_count, session.iterations, solved.outcome.solver_status, session.seconds
-    )
+    return statistics_of(improved.solved, session)

@@ -6,14 +6,11 @@ import time
 from collections.abc import Callable
 from typing import Any, Protocol
 
-from solvers.companion import Companion
+from solvers.companion import GLANCE, Companion
 from solvers.optimizers.ipopt import Limits
 from solvers.piecewise.messages import First, Request
 from solvers.piecewise.predict import Predictor
 from solvers.piecewise.reference import Reference
-
-_GLANCE = 0.02
-"""Seconds between two looks at whether somebody wants to stop."""
 
 
 class Predictions(Protocol):
@@ -41,7 +38,7 @@ class RemotePredictor(Companion):
 
     def take(self, watch: Callable[[], None]) -> Reference:
         """See :class:`Predictions`."""
-        while not self.answered(_GLANCE):
+        while not self.answered(GLANCE):
             watch()
         answer = self.receive()
         assert isinstance(answer, Reference)
