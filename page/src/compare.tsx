@@ -3,7 +3,7 @@ import { useMemo } from "preact/hooks";
 import { getJson } from "./api";
 import { figure, number, seconds } from "./format";
 import { useLoaded } from "./load";
-import { Section, Status, Trouble } from "./parts";
+import { Section, Status, Trouble, WideTable } from "./parts";
 import { to } from "./route";
 import { type Flight, Trajectories } from "./trajectories";
 import type { Job, Result } from "./types";
@@ -54,37 +54,35 @@ function nameOf(job: Job, index: number): string {
 function Figures({ compared }: { compared: Compared[] }) {
   const first = compared[0]?.result.objective ?? null;
   return (
-    <div class="scroll" tabIndex={0} role="region" aria-label="Figures of the jobs">
-      <table>
-        <thead>
-          <tr>
-            <th scope="col">Job</th>
-            <th scope="col">Status</th>
-            <th scope="col">Verified</th>
-            <th scope="col" class="right">Objective</th>
-            <th scope="col" class="right">Difference</th>
-            <th scope="col" class="right">Final time</th>
-            <th scope="col" class="right">Iterations</th>
-            <th scope="col" class="right">Solver's time</th>
+    <WideTable label="Figures of the jobs">
+      <thead>
+        <tr>
+          <th scope="col">Job</th>
+          <th scope="col">Status</th>
+          <th scope="col">Verified</th>
+          <th scope="col" class="right">Objective</th>
+          <th scope="col" class="right">Difference</th>
+          <th scope="col" class="right">Final time</th>
+          <th scope="col" class="right">Iterations</th>
+          <th scope="col" class="right">Solver's time</th>
+        </tr>
+      </thead>
+      <tbody>
+        {compared.map(({ job, result }, index) => (
+          <tr key={job.id}>
+            <th scope="row"><a href={to(`/jobs/${job.id}`)}>{nameOf(job, index)}</a></th>
+            <td><Status status={job.status} /></td>
+            <td class={result.success ? "good" : "bad"}>{result.success ? "✓ yes" : "✕ no"}</td>
+            <td class="right">{figure(result.objective, 9)}</td>
+            <td class="right">
+              {index === 0 || first === null || result.objective === null ? "–" : number(result.objective - first, 3)}
+            </td>
+            <td class="right">{figure(result.final_time, 9)}</td>
+            <td class="right">{result.statistics.iterations ?? "–"}</td>
+            <td class="right">{seconds(result.statistics.seconds.total)}</td>
           </tr>
-        </thead>
-        <tbody>
-          {compared.map(({ job, result }, index) => (
-            <tr key={job.id}>
-              <th scope="row"><a href={to(`/jobs/${job.id}`)}>{nameOf(job, index)}</a></th>
-              <td><Status status={job.status} /></td>
-              <td class={result.success ? "good" : "bad"}>{result.success ? "✓ yes" : "✕ no"}</td>
-              <td class="right">{figure(result.objective, 9)}</td>
-              <td class="right">
-                {index === 0 || first === null || result.objective === null ? "–" : number(result.objective - first, 3)}
-              </td>
-              <td class="right">{figure(result.final_time, 9)}</td>
-              <td class="right">{result.statistics.iterations ?? "–"}</td>
-              <td class="right">{seconds(result.statistics.seconds.total)}</td>
-            </tr>
-          ))}
-        </tbody>
-      </table>
-    </div>
+        ))}
+      </tbody>
+    </WideTable>
   );
 }

@@ -2,7 +2,7 @@
 import { useSignal } from "@preact/signals";
 import { useMemo } from "preact/hooks";
 import { leaf, number } from "./format";
-import { Facts, Section } from "./parts";
+import { Facts, Section, WideTable } from "./parts";
 import { Plot } from "./plot";
 import { ZoomButtons } from "./plot_cursor";
 import type { Axis, Curve } from "./plot_frame";
@@ -61,27 +61,25 @@ function Spreads(props: { label: string; rows: [string, string, Spread][]; rate?
   const { label, rows, rate } = props;
   const heads = [...(rate ? ["Violated"] : []), "Nominal", "5 %", "50 %", "95 %", "Max"];
   return (
-    <div class="scroll" tabIndex={0} role="region" aria-label={label}>
-      <table>
-        <thead>
-          <tr>
-            <th scope="col">Name</th>
-            {heads.map((head) => <th key={head} scope="col" class="right">{head}</th>)}
+    <WideTable label={label}>
+      <thead>
+        <tr>
+          <th scope="col">Name</th>
+          {heads.map((head) => <th key={head} scope="col" class="right">{head}</th>)}
+        </tr>
+      </thead>
+      <tbody>
+        {rows.map(([name, title, { nominal, percentiles, max }], index) => (
+          <tr key={title}>
+            <th scope="row" title={title}>{name}</th>
+            {rate && <td class="right">{rate(index)}</td>}
+            {[nominal, percentiles["5"], percentiles["50"], percentiles["95"], max].map((value, column) => (
+              <td key={heads[column]} class="right">{number(value, 4)}</td>
+            ))}
           </tr>
-        </thead>
-        <tbody>
-          {rows.map(([name, title, { nominal, percentiles, max }], index) => (
-            <tr key={title}>
-              <th scope="row" title={title}>{name}</th>
-              {rate && <td class="right">{rate(index)}</td>}
-              {[nominal, percentiles["5"], percentiles["50"], percentiles["95"], max].map((value, column) => (
-                <td key={heads[column]} class="right">{number(value, 4)}</td>
-              ))}
-            </tr>
-          ))}
-        </tbody>
-      </table>
-    </div>
+        ))}
+      </tbody>
+    </WideTable>
   );
 }
 
@@ -113,30 +111,28 @@ function Worst({ flights: { worst } }: { flights: Flights }) {
   if (worst.length === 0) return null;
   return (
     <Section title="Worst flights" id="worst">
-      <div class="scroll" tabIndex={0} role="region" aria-label="Worst flights">
-        <table>
-          <thead>
-            <tr>
-              <th scope="col">Flight</th>
-              <th scope="col">Limit</th>
-              <th scope="col" class="right">Tolerances</th>
-              {drawn.map((name) => <th key={name} scope="col" class="right">{name}</th>)}
+      <WideTable label="Worst flights">
+        <thead>
+          <tr>
+            <th scope="col">Flight</th>
+            <th scope="col">Limit</th>
+            <th scope="col" class="right">Tolerances</th>
+            {drawn.map((name) => <th key={name} scope="col" class="right">{name}</th>)}
+          </tr>
+        </thead>
+        <tbody>
+          {worst.map((flight) => (
+            <tr key={flight.run}>
+              <th scope="row">{flight.run}</th>
+              <td title={flight.limit ?? ""}>{flight.lost ? "lost" : leaf(flight.limit ?? "–")}</td>
+              <td class="right">{number(flight.tolerances, 3)}</td>
+              {drawn.map((name) => (
+                <td key={name} class="right">{number(flight.parameters[name] ?? flight.initial_state[name], 6)}</td>
+              ))}
             </tr>
-          </thead>
-          <tbody>
-            {worst.map((flight) => (
-              <tr key={flight.run}>
-                <th scope="row">{flight.run}</th>
-                <td title={flight.limit ?? ""}>{flight.lost ? "lost" : leaf(flight.limit ?? "–")}</td>
-                <td class="right">{number(flight.tolerances, 3)}</td>
-                {drawn.map((name) => (
-                  <td key={name} class="right">{number(flight.parameters[name] ?? flight.initial_state[name], 6)}</td>
-                ))}
-              </tr>
-            ))}
-          </tbody>
-        </table>
-      </div>
+          ))}
+        </tbody>
+      </WideTable>
     </Section>
   );
 }

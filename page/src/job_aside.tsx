@@ -1,7 +1,7 @@
 // What stands beside the plots of a job: its figures, what a design review asks for, its files.
 import { download } from "./api";
 import { between, leaf, number, seconds, when } from "./format";
-import { Action, type Fact, Facts, Section } from "./parts";
+import { Action, type Fact, Facts, Section, WideTable } from "./parts";
 import { to } from "./route";
 import type { Constraint, Job, Result } from "./types";
 
@@ -49,28 +49,26 @@ export function Findings({ result }: { result: Result }) {
       )}
       {constraints.length > 0 && (
         <Section title="Margins" id="margins">
-          <div class="scroll" tabIndex={0} role="region" aria-label="Margins of the constraints">
-            <table>
-              <thead>
-                <tr>
-                  <th scope="col">Constraint</th>
-                  <th scope="col" class="right">Least</th>
-                  <th scope="col" class="right">Greatest</th>
-                  <th scope="col" class="right">Margin</th>
+          <WideTable label="Margins of the constraints">
+            <thead>
+              <tr>
+                <th scope="col">Constraint</th>
+                <th scope="col" class="right">Least</th>
+                <th scope="col" class="right">Greatest</th>
+                <th scope="col" class="right">Margin</th>
+              </tr>
+            </thead>
+            <tbody>
+              {constraints.map((item) => (
+                <tr key={item.pointer}>
+                  <th scope="row" title={item.pointer}>{leaf(item.pointer)}</th>
+                  <td class="right">{number(item.min, 4)}</td>
+                  <td class="right">{number(item.max, 4)}</td>
+                  <td class="right">{marginOf(item)}</td>
                 </tr>
-              </thead>
-              <tbody>
-                {constraints.map((item) => (
-                  <tr key={item.pointer}>
-                    <th scope="row" title={item.pointer}>{leaf(item.pointer)}</th>
-                    <td class="right">{number(item.min, 4)}</td>
-                    <td class="right">{number(item.max, 4)}</td>
-                    <td class="right">{marginOf(item)}</td>
-                  </tr>
-                ))}
-              </tbody>
-            </table>
-          </div>
+              ))}
+            </tbody>
+          </WideTable>
         </Section>
       )}
       {warnings.length > 0 && (

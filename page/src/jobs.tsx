@@ -4,7 +4,7 @@ import { useEffect } from "preact/hooks";
 import { getJson, isFinal, refused } from "./api";
 import { between, when } from "./format";
 import { useLoaded, usePolling } from "./load";
-import { Status, Trouble } from "./parts";
+import { Status, Trouble, WideTable } from "./parts";
 import { go, route, to } from "./route";
 import type { Job, Method } from "./types";
 
@@ -132,45 +132,43 @@ function Table({ jobs, chosen, choose }: { jobs: Job[]; chosen: string[]; choose
   }
   const tick = (id: string) => choose(chosen.includes(id) ? chosen.filter((other) => other !== id) : [...chosen, id]);
   return (
-    <div class="scroll" tabIndex={0} role="region" aria-label="Table of jobs">
-      <table class="jobs">
-        <thead>
-          <tr>
-            <th scope="col"><span class="unseen">Compare</span></th>
-            <th scope="col">Status</th>
-            <th scope="col">Name</th>
-            <th scope="col">Method</th>
-            <th scope="col">Progress</th>
-            <th scope="col" class="right">Took</th>
-            <th scope="col">Submitted</th>
+    <WideTable label="Table of jobs" kind="jobs">
+      <thead>
+        <tr>
+          <th scope="col"><span class="unseen">Compare</span></th>
+          <th scope="col">Status</th>
+          <th scope="col">Name</th>
+          <th scope="col">Method</th>
+          <th scope="col">Progress</th>
+          <th scope="col" class="right">Took</th>
+          <th scope="col">Submitted</th>
+        </tr>
+      </thead>
+      <tbody>
+        {jobs.map((job) => (
+          <tr key={job.id} data-job={job.id}>
+            <td>
+              <input
+                type="checkbox"
+                aria-label={`Compare ${job.name || job.id}`}
+                checked={chosen.includes(job.id)}
+                onChange={() => tick(job.id)}
+              />
+            </td>
+            <td><Status status={job.status} /></td>
+            <td class="name">
+              <a href={to(`/jobs/${job.id}`)}>{job.name || job.id}</a>
+              {job.sweep && <a class="tag" href={to(`/sweeps/${job.sweep}`)}>sweep</a>}
+              {job.tags.map((tag) => <a key={tag} class="tag" href={to("/", { tag })}>{tag}</a>)}
+            </td>
+            <td>{job.method}</td>
+            <td><Progress job={job} /></td>
+            <td class="right">{between(job.started_at, job.finished_at)}</td>
+            <td class="time">{when(job.created_at)}</td>
           </tr>
-        </thead>
-        <tbody>
-          {jobs.map((job) => (
-            <tr key={job.id} data-job={job.id}>
-              <td>
-                <input
-                  type="checkbox"
-                  aria-label={`Compare ${job.name || job.id}`}
-                  checked={chosen.includes(job.id)}
-                  onChange={() => tick(job.id)}
-                />
-              </td>
-              <td><Status status={job.status} /></td>
-              <td class="name">
-                <a href={to(`/jobs/${job.id}`)}>{job.name || job.id}</a>
-                {job.sweep && <a class="tag" href={to(`/sweeps/${job.sweep}`)}>sweep</a>}
-                {job.tags.map((tag) => <a key={tag} class="tag" href={to("/", { tag })}>{tag}</a>)}
-              </td>
-              <td>{job.method}</td>
-              <td><Progress job={job} /></td>
-              <td class="right">{between(job.started_at, job.finished_at)}</td>
-              <td class="time">{when(job.created_at)}</td>
-            </tr>
-          ))}
-        </tbody>
-      </table>
-    </div>
+        ))}
+      </tbody>
+    </WideTable>
   );
 }
 

@@ -34,6 +34,15 @@ export function Trouble({ error }: { error: Error | null }) {
   );
 }
 
+/** A table that scrolls sideways where it is wider than the page, by keyboard as well. */
+export function WideTable({ label, kind, children }: { label: string; kind?: string; children: ComponentChildren }) {
+  return (
+    <div class="scroll" tabIndex={0} role="region" aria-label={label}>
+      <table class={kind}>{children}</table>
+    </div>
+  );
+}
+
 /** A button that does something of the service's, is off meanwhile, and says if it was refused. */
 export function Action(props: { children: ComponentChildren; act: () => Promise<void>; kind?: string; disabled?: boolean }) {
   const busy = useSignal(false);

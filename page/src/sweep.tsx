@@ -4,7 +4,7 @@ import { useMemo } from "preact/hooks";
 import { download, getJson, post, refused } from "./api";
 import { figure, leaf, number, seconds, span, when } from "./format";
 import { usePolling } from "./load";
-import { Action, Section, Status, Trouble } from "./parts";
+import { Action, Section, Status, Trouble, WideTable } from "./parts";
 import { Plot } from "./plot";
 import { ZoomButtons } from "./plot_cursor";
 import type { Axis, Curve } from "./plot_frame";
@@ -143,36 +143,34 @@ function Points({ sweep, rows }: { sweep: Sweep; rows: SweepRow[] }) {
   const last = Math.min(first.value + ROWS, rows.length);
   return (
     <Section title="Points" id="points">
-      <div class="scroll" tabIndex={0} role="region" aria-label="Table of points">
-        <table>
-          <thead>
-            <tr>
-              {sweep.pointers.map((pointer) => <th key={pointer} scope="col" title={pointer}>{leaf(pointer)}</th>)}
-              <th scope="col">Job</th>
-              <th scope="col" class="right">Objective</th>
-              <th scope="col" class="right">Final time</th>
-              <th scope="col">Verified</th>
-              <th scope="col" class="right">State error</th>
-              <th scope="col" class="right">Iterations</th>
-              <th scope="col" class="right">Took</th>
+      <WideTable label="Table of points">
+        <thead>
+          <tr>
+            {sweep.pointers.map((pointer) => <th key={pointer} scope="col" title={pointer}>{leaf(pointer)}</th>)}
+            <th scope="col">Job</th>
+            <th scope="col" class="right">Objective</th>
+            <th scope="col" class="right">Final time</th>
+            <th scope="col">Verified</th>
+            <th scope="col" class="right">State error</th>
+            <th scope="col" class="right">Iterations</th>
+            <th scope="col" class="right">Took</th>
+          </tr>
+        </thead>
+        <tbody>
+          {rows.slice(first.value, last).map((row) => (
+            <tr key={row.index}>
+              {sweep.pointers.map((pointer) => <td key={pointer}>{shown(row.point[pointer])}</td>)}
+              <td><a href={to(`/jobs/${row.job}`)}><Status status={row.status} /></a></td>
+              <td class="right">{figure(row.objective, 8)}</td>
+              <td class="right">{figure(row.final_time, 8)}</td>
+              <Verdict row={row} />
+              <td class="right">{number(row.verification?.max_state_error, 3)}</td>
+              <td class="right">{row.iterations ?? "–"}</td>
+              <td class="right">{seconds(row.seconds)}</td>
             </tr>
-          </thead>
-          <tbody>
-            {rows.slice(first.value, last).map((row) => (
-              <tr key={row.index}>
-                {sweep.pointers.map((pointer) => <td key={pointer}>{shown(row.point[pointer])}</td>)}
-                <td><a href={to(`/jobs/${row.job}`)}><Status status={row.status} /></a></td>
-                <td class="right">{figure(row.objective, 8)}</td>
-                <td class="right">{figure(row.final_time, 8)}</td>
-                <Verdict row={row} />
-                <td class="right">{number(row.verification?.max_state_error, 3)}</td>
-                <td class="right">{row.iterations ?? "–"}</td>
-                <td class="right">{seconds(row.seconds)}</td>
-              </tr>
-            ))}
-          </tbody>
-        </table>
-      </div>
+          ))}
+        </tbody>
+      </WideTable>
       {rows.length > ROWS && (
         <nav class="pager" aria-label="Pages of points">
           <button type="button" disabled={first.value === 0} onClick={() => { first.value -= ROWS; }}>Before</button>

@@ -1,6 +1,6 @@
 // Whether the answer is what it says: in words and colours, with the numbers.
 import { number } from "./format";
-import { Facts, Section } from "./parts";
+import { Facts, Section, WideTable } from "./parts";
 import type { Check, Result } from "./types";
 
 /** The verdict and the figures, in one line. */
@@ -33,31 +33,29 @@ export function Verified({ result }: { result: Result }) {
       {remarks && <p class="note">{remarks}</p>}
       {verification.checks.length > 0 && <Checks checks={verification.checks} />}
       {states.length > 0 && (
-        <div class="scroll" tabIndex={0} role="region" aria-label="Errors of each state">
-          <table>
-            <caption>Errors of each state, in its own unit</caption>
-            <thead>
-              <tr>
-                <th scope="col">State</th>
-                <th scope="col" class="right">At the end</th>
-                <th scope="col" class="right">Largest</th>
-                <th scope="col" class="right">at t</th>
-                <th scope="col" class="right">Allowed</th>
+        <WideTable label="Errors of each state">
+          <caption>Errors of each state, in its own unit</caption>
+          <thead>
+            <tr>
+              <th scope="col">State</th>
+              <th scope="col" class="right">At the end</th>
+              <th scope="col" class="right">Largest</th>
+              <th scope="col" class="right">at t</th>
+              <th scope="col" class="right">Allowed</th>
+            </tr>
+          </thead>
+          <tbody>
+            {states.map(([name, found]) => (
+              <tr key={name}>
+                <th scope="row">{name}</th>
+                <td class="right">{number(found.terminal_error, 3)}</td>
+                <td class="right">{number(found.max_error, 3)}</td>
+                <td class="right">{number(found.at, 4)}</td>
+                <td class="right">{number(found.tolerance, 3)}</td>
               </tr>
-            </thead>
-            <tbody>
-              {states.map(([name, found]) => (
-                <tr key={name}>
-                  <th scope="row">{name}</th>
-                  <td class="right">{number(found.terminal_error, 3)}</td>
-                  <td class="right">{number(found.max_error, 3)}</td>
-                  <td class="right">{number(found.at, 4)}</td>
-                  <td class="right">{number(found.tolerance, 3)}</td>
-                </tr>
-              ))}
-            </tbody>
-          </table>
-        </div>
+            ))}
+          </tbody>
+        </WideTable>
       )}
     </Section>
   );
