@@ -209,7 +209,7 @@ class Solution(Answer):
             "trajectory": sampled,
             "verification": answer.verification.to_dict(),
             "outputs": output_extremes(problem, trajectory, sampled),
-            "constraints": constraint_margins(problem, trajectory),
+            "constraints": constraint_margins(problem, trajectory, answer.verification.integrals),
         }
 
 

@@ -106,6 +106,9 @@ def solve(
     status, message = judge(
         spec, leading.problem, trajectory, solved.outcome.status, verification, others=plants[1:]
     )
+    integrals = leading.integrals(
+        problem, solved.transcription.integrals(solved.outcome.unknowns), verification.integrals
+    )
     one_plant = spec.problem.scenarios is None
     slopes = sensitivity(spec.problem, solved) if solved.converged and one_plant else None
     session.seconds["total"] = time.perf_counter() - started
@@ -120,11 +123,9 @@ def solve(
         method={**method.model_dump(exclude_none=True), **improved.summary},
         verification=verification,
         model_report=model_report(leading.problem, trajectory),
-        integrals=leading.integrals(
-            problem, solved.transcription.integrals(solved.outcome.unknowns), verification.integrals
-        ),
+        integrals=integrals,
         switching=improved.switching(problem),
-        constraints=constraint_margins(leading.problem, trajectory),
+        constraints=constraint_margins(leading.problem, trajectory, integrals),
         sensitivity=slopes,
         convergence=session.convergence,
         starts=[

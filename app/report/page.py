@@ -67,7 +67,7 @@ def _of_result(spec: JobSpec, result: Mapping[str, Any], units: Mapping[str, str
         "pictures": [_inline(svg, number) for number, svg in enumerate(render_parts(result))],
         "answer_tables": list(answer_tables(result, units)),
         "verification_tables": list(verification_tables(result)),
-        "review_tables": list(review_tables(result, _names(spec))),
+        "review_tables": list(review_tables(result)),
         "provenance": provenance_table(result),
     }
 
@@ -120,15 +120,6 @@ def _summary(
 def _short(value: Any) -> str:
     text = value if isinstance(value, str) else json.dumps(value)
     return text if len(text) <= 60 else text[:59] + "…"
-
-
-def _names(spec: JobSpec) -> dict[str, str]:
-    """Pointer -> what stands there, for bounds and constraints."""
-    problem = spec.problem
-    found = {f"/problem/bounds/{key}": key for key in (*problem.model.states, *problem.model.controls)}
-    found |= {f"/problem/control_rates/{key}": f"rate of {key}" for key in problem.control_rates}
-    found |= {f"/problem/path_constraints/{i}": item.name for i, item in enumerate(problem.path_constraints)}
-    return found
 
 
 def _inline(svg: bytes, number: int) -> Markup:

@@ -33,8 +33,8 @@ def verification_tables(result: Result) -> Iterator[Table]:
     yield Table("States, in their own units", head, states)
 
 
-def review_tables(result: Result, names: Mapping[str, str]) -> Iterator[Table]:
-    """Margins, sensitivities, frequencies, convergence; ``names``: what pointers stand for."""
+def review_tables(result: Result) -> Iterator[Table]:
+    """Margins, sensitivities, frequencies, convergence."""
     if result.get("diagnosis"):
         limits = [
             (item["name"], item["pointer"], figure(item["violation"], 4), figure(item["at"]))
@@ -47,7 +47,7 @@ def review_tables(result: Result, names: Mapping[str, str]) -> Iterator[Table]:
         )
     margins = [
         (
-            names.get(item["pointer"], ""),
+            item.get("name", ""),  # results of before have none
             item["pointer"],
             figure(item["min"]),
             figure(item["max"]),

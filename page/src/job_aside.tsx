@@ -61,7 +61,7 @@ export function Findings({ result }: { result: Result }) {
             <tbody>
               {constraints.map((item) => (
                 <tr key={item.pointer}>
-                  <th scope="row" title={item.pointer}>{leaf(item.pointer)}</th>
+                  <th scope="row" title={item.pointer}>{item.name || leaf(item.pointer)}</th>
                   <td class="right">{number(item.min, 4)}</td>
                   <td class="right">{number(item.max, 4)}</td>
                   <td class="right">{marginOf(item)}</td>

@@ -97,6 +97,8 @@ export interface Result {
 
 export interface Constraint {
   pointer: string;
+  /** Missing in results of before. */
+  name?: string;
   min: number | null;
   max: number | null;
   bounds: [number | null, number | null];

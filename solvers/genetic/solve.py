@@ -103,6 +103,7 @@ def solve_by_genes(
     status, message = judge(
         spec, leading.problem, trajectory, answer.status, verification, sentences, others=plants[1:]
     )
+    integrals = leading.integrals(problem, answer.integrals, verification.integrals)
     warnings = [*_warnings(search, answer), *([] if improved is None else improved.warnings)]
     costates = _no_costates(answer.trajectory) if answer.costates is None else answer.costates
     return Solution(
@@ -116,11 +117,11 @@ def solve_by_genes(
         method={**method.model_dump(exclude_none=True), **_summary(method, improved)},
         verification=verification,
         model_report=model_report(leading.problem, trajectory),
-        integrals=leading.integrals(problem, answer.integrals, verification.integrals),
+        integrals=integrals,
         switching=(
             find_switching(problem, answer.trajectory) if improved is None else improved.switching(problem)
         ),
-        constraints=constraint_margins(leading.problem, trajectory),
+        constraints=constraint_margins(leading.problem, trajectory, integrals),
         convergence=session.convergence,
         diagnosis=answer.diagnosis,
         starts=_runs(search),

@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
+from itertools import chain
 from typing import Any
 
 import numpy as np
@@ -22,10 +23,10 @@ from solvers.phases.session import PhasedSession, PhasedSolved
 from solvers.phases.solution import PhasedSolution
 from solvers.phases.switching import joined_switching
 from solvers.phases.trajectory import PhasedTrajectory
-from solvers.phases.verify import totals, verify_phases
+from solvers.phases.verify import flight_scope, totals, verify_phases
 from solvers.progress import Progress
 from solvers.refine.residual import mesh_error_estimate
-from solvers.report import constraint_margins
+from solvers.report import constraint_margins, margins_of, merged_margins, said_of_the_ends
 from solvers.scaling import automatic_scaling
 from solvers.sensitivity import Place, numbers_of, slopes
 from solvers.session import start_report, statistics_of
@@ -104,7 +105,7 @@ def solve_phases(
             [phase.plant.problem.controls for phase in problem.phases],
             answer.edges[1:].tolist(),
         ),
-        constraints=_margins(problem, answer),
+        constraints=_margins(problem, answer, verification.parts),
         sensitivity=sensitivity,
         convergence=session.convergence,
         starts=[start_report(item, item.trajectory.tf, kept=item is solved) for item in answers],
@@ -149,25 +150,18 @@ def _ends_of(reports: Sequence[Mapping[str, Any] | None]) -> dict[str, Any] | No
     return None if first is None or last is None else {"initial": first["initial"], "final": last["final"]}
 
 
-def _margins(problem: PhasedProblem, answer: PhasedTrajectory) -> list[dict[str, Any]]:
-    """The ``constraints`` of all phases; what holds in several of them stands there once."""
-    found: dict[str, dict[str, Any]] = {}
-    for phase, part in zip(problem.phases, answer.parts, strict=True):
-        for item in constraint_margins(phase.plant.problem, part):
-            pointer = phase.located(item["pointer"])
-            known = found.get(pointer)
-            if known is None:
-                found[pointer] = {**item, "pointer": pointer}
-                continue
-            nearer = item if item["margin"] < known["margin"] else known
-            known |= {
-                "min": min(known["min"], item["min"]),
-                "max": max(known["max"], item["max"]),
-                "margin": nearer["margin"],
-                "at": nearer["at"],
-                "active": [*known["active"], *item["active"]],
-            }
-    return list(found.values())
+def _margins(
+    problem: PhasedProblem, answer: PhasedTrajectory, parts: Sequence[Verification]
+) -> list[dict[str, Any]]:
+    """The ``constraints`` of all phases and of the whole flight; what holds in several stands there once."""
+    own = (
+        {**item, "pointer": phase.located(item["pointer"])}
+        for phase, part, flown in zip(problem.phases, answer.parts, parts, strict=True)
+        for item in constraint_margins(phase.plant.problem, part, flown.integrals)
+    )
+    scope = flight_scope(problem, answer, parts)
+    whole = margins_of(said_of_the_ends(problem.boundary, problem.totals, scope, answer.tf))
+    return merged_margins(chain(own, whole))
 
 
 def _sensitivity(spec: ProblemSpec, problem: PhasedProblem, solved: PhasedSolved) -> dict[str, float | None]:

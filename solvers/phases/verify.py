@@ -41,7 +41,7 @@ def verify_phases(
             begin = _states_after(problem, answer, index, parts[-1].end)
         parts.append(verify(phase.plant.problem, trajectory, tolerances, deadline, begin))
     gaps = [_gap(problem, answer, index) for index in range(1, len(parts))]
-    scope = _flight_scope(problem, answer, parts)
+    scope = flight_scope(problem, answer, parts)
     checks = [*_worst_checks(parts), Check(_LINK, max(gaps, default=0.0), tolerances.terminal_error)]
     checks = [_with_flight(check, problem, scope) if check.name == "ends" else check for check in checks]
     return Verification(
@@ -97,9 +97,10 @@ def _gap(problem: PhasedProblem, answer: PhasedTrajectory, index: int) -> float:
     return max(late, scaled_violation(begin, np.column_stack([wanted, wanted]), scale))
 
 
-def _flight_scope(
+def flight_scope(
     problem: PhasedProblem, answer: PhasedTrajectory, parts: Sequence[Verification]
 ) -> dict[str, Any]:
+    """Name both ends of the whole flight and its integrals; ``parts`` are the verifications of the phases."""
     first, last = answer.parts[0], answer.parts[-1]
     sums = totals([part.integrals for part in parts])
     end = parts[-1].end

@@ -64,7 +64,7 @@ def answer(setup: Setup, compiled: CompiledPlant, mission: Mission, seconds: dic
         integrals={},
         model_report=None,
         switching={},
-        constraints=constraint_margins(setup.problem, trajectory),
+        constraints=constraint_margins(setup.problem, trajectory, {}),
         convergence=[],
         starts=[],
         warnings=[],

@@ -309,6 +309,10 @@ def test_what_counts_over_the_whole_flight() -> None:
     result = result_of(document)
     assert result["success"], result["message"]
     assert result["design"]["a"] == pytest.approx(0.5, abs=1e-8)
+    margins = {item["pointer"]: item["margin"] for item in result["constraints"]}
+    assert margins == pytest.approx(
+        {"/problem/boundary_constraints/0": 0.0, "/problem/integrals/0": 0.0}, abs=1e-8
+    )
     assert result["integrals"]["effort"] == pytest.approx(2, abs=1e-8)
     assert [phase["integrals"]["effort"] for phase in result["phases"]] == pytest.approx([0.5, 1.5], abs=1e-6)
     assert result["objective"] == pytest.approx(2 + 6 + 0.5, abs=1e-8)
