@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from solvers.backends import NUMPY
-from solvers.coefficients import describe_daubechies, with_middles
+from solvers.coefficients.codec import with_middles
+from solvers.coefficients.daubechies import describe
 from solvers.curves import DaubechiesCurve, HermiteCurve
 from solvers.genetic.fitness import Fitness
 from solvers.genetic.model import ArrayModel
@@ -65,7 +66,7 @@ def fly(model: ArrayModel, found: Found) -> Simulation:
         {name: HermiteCurve(knots, row, flat) for name, row in zip(problem.states, states, strict=True)},
         controls,
         interpolation="quadratic",
-        basis=describe_daubechies(basis, level),
+        basis=describe(basis, level),
         breakpoints=knots,
         nodes=with_middles(knots),
         design=design,

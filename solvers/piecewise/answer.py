@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from solvers.bases.hermite import cubic_pieces
-from solvers.coefficients import FLIGHT, linear_pieces
+from solvers.coefficients import flight
 from solvers.curves import HermiteCurve
 from solvers.piecewise.mission import Mission, Segment
 from solvers.piecewise.pieces import Pieces
@@ -150,11 +150,11 @@ def _trajectory(compiled: CompiledPlant, pieces: Pieces, end: float) -> Trajecto
             for name, row, slope in zip(problem.states, seen, slopes, strict=True)
         },
         controls={
-            name: linear_pieces(knots, np.column_stack([before[:, index], after[:, index]]))
+            name: flight.linear_pieces(knots, np.column_stack([before[:, index], after[:, index]]))
             for index, name in enumerate(problem.controls)
         },
         interpolation="linear",
-        basis={"name": FLIGHT, "knots": knots.tolist()},
+        basis={"name": flight.NAME, "knots": knots.tolist()},
         breakpoints=knots,
         nodes=knots,
     )

@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from scipy import sparse
 
 from solvers.bases.daubechies import DaubechiesBasis
-from solvers.coefficients import describe_daubechies
+from solvers.coefficients.daubechies import describe
 from solvers.curves import DaubechiesCurve
 from solvers.expressions import Expression
 from solvers.symbolic import CASADI
@@ -94,7 +94,7 @@ class DaubechiesControls(HermiteSimpson):
 
     def described_basis(self) -> dict[str, Any]:
         """See :class:`HermiteSimpson`."""
-        return describe_daubechies(self.basis, self.level)
+        return describe(self.basis, self.level)
 
     def add_running_cost(self) -> None:
         """See :class:`Assembly`; from the coefficients where that is exact."""

@@ -30,7 +30,7 @@ from solvers.bases.legendre import (
     lagrange_matrix,
     legendre_gauss,
 )
-from solvers.coefficients import LAGRANGE, gauss_nodes
+from solvers.coefficients import lagrange
 from solvers.curves import LagrangeCurve
 from solvers.trajectory import Trajectory
 from solvers.transcription.base import Transcription, control_columns
@@ -139,13 +139,13 @@ class GaussPseudospectral(Transcription):
             name: self._curve(breaks, unknowns[block.start : block.stop], with_ends=False)
             for name, block in zip(self.problem.controls, self.builder.blocks["controls"], strict=True)
         }
-        nodes = gauss_nodes(breaks, self.counts)
+        nodes = lagrange.gauss_nodes(breaks, self.counts)
         return Trajectory(
             *times,
             states,
             controls,
             interpolation="polynomial",
-            basis={"name": LAGRANGE, "breaks": breaks.tolist(), "nodes": list(self.counts)},
+            basis={"name": lagrange.NAME, "breaks": breaks.tolist(), "nodes": list(self.counts)},
             breakpoints=nodes,
             nodes=nodes,
         )

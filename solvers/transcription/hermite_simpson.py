@@ -28,7 +28,7 @@ from numpy.typing import NDArray
 from scipy import sparse
 
 from solvers.backends import NUMPY
-from solvers.coefficients import HERMITE
+from solvers.coefficients import hermite
 from solvers.curves import Curve, HermiteCurve, QuadraticCurve
 from solvers.time_knots import LONGEST_MOMENT
 from solvers.trajectory import Trajectory
@@ -96,11 +96,11 @@ class HermiteSimpson(Transcription):
     def constrain_dynamics(self) -> None:
         """Hermite's middle and Simpson's end, interval by interval."""
         widths = np.diff(self.knots)
-        hermite = self._middles()
+        middles = self._middles()
         simpson = self._triples(-np.ones_like(widths), np.zeros_like(widths), np.ones_like(widths))
         hermite_rates = self._triples(-widths / 8.0, np.zeros_like(widths), widths / 8.0)
         order = np.arange(2 * widths.size).reshape(2, -1).T.ravel()
-        differences = sparse.csr_array(sparse.vstack([hermite, simpson], format="csr")[order])
+        differences = sparse.csr_array(sparse.vstack([middles, simpson], format="csr")[order])
         rates = sparse.csr_array(sparse.vstack([hermite_rates, -self._simpson()], format="csr")[order])
         states = [self.builder.rows_of(block, differences) for block in self.builder.blocks["states"]]
         self.add_defects(states, self.apply_rate(self.nodes()), rates)
@@ -163,7 +163,7 @@ class HermiteSimpson(Transcription):
         """The ``basis`` of a trajectory."""
         even = np.array_equal(self.knots, np.linspace(0.0, 1.0, self.knots.size))
         uneven = {} if even else {"knots": self.knots.tolist()}
-        return {"name": HERMITE, "intervals": self.knots.size - 1, **uneven}
+        return {"name": hermite.NAME, "intervals": self.knots.size - 1, **uneven}
 
     def _simpson(self) -> sparse.csr_array:
         widths = np.diff(self.knots)

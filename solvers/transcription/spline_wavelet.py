@@ -36,7 +36,7 @@ from scipy import sparse
 from solvers.bases.banded import solve_banded_system
 from solvers.bases.graded import GradedKnots
 from solvers.bases.legendre import legendre_gauss
-from solvers.coefficients import SPLINE_WAVELET
+from solvers.coefficients import spline_wavelet
 from solvers.costates import second_order_costates
 from solvers.curves import Curve, DerivativeCurve, LinearCurve, SplineCurve
 from solvers.quantities import Interval
@@ -229,7 +229,7 @@ class SplineWavelet(Transcription):
             {name: controls[name] for name in self.problem.controls},
             interpolation="linear",
             basis={
-                "name": SPLINE_WAVELET,
+                "name": spline_wavelet.NAME,
                 "L": self.knots.L,
                 "J": self.knots.finest,
                 "derivative": 2 if self._second_order else 1,
