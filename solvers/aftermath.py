@@ -5,20 +5,38 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from solvers.coast import coast, flown_end
+from solvers.coast import coast
 from solvers.command import MAX_ROWS, fly_command, make_command, rows
 from solvers.flight import FlightError
-from solvers.scenarios import formulate
-from solvers.spec import CommandSpec, ProblemSpec
-from solvers.trajectory import Trajectory
+from solvers.legs import fly_legs, routes, without_rates
+from solvers.phases.trajectory import AnyTrajectory
+from solvers.spec import CommandSpec, JobSpec, ProblemSpec
 
 
 class TooManyRowsError(ValueError):
     """The table of a command would have more rows than allowed; says how many."""
 
 
+def asked_for(spec: JobSpec, answers: Sequence[AnyTrajectory]) -> tuple[dict[str, Any], list[dict[str, str]]]:
+    """The ``command`` and the ``coast`` of a result where its document asks for them, and warnings.
+
+    ``answers``: that of each plant, the leading one first.
+    """
+    output, found, warnings = spec.output, dict[str, Any](), list[dict[str, str]]()
+    if output.command is not None:
+        try:
+            found["command"] = commanded(spec.problem, output.command, answers, output.coast)
+        except TooManyRowsError as error:
+            found["command"] = None
+            pointer = "/output/command/period"
+            warnings.append({"code": "no_command", "pointer": pointer, "detail": str(error)})
+    if output.coast is not None:
+        found["coast"] = coasted(spec.problem, answers[0], output.coast)
+    return found, warnings
+
+
 def commanded(
-    spec: ProblemSpec, command: CommandSpec, answers: Sequence[Trajectory], seconds: float | None = None
+    spec: ProblemSpec, command: CommandSpec, answers: Sequence[AnyTrajectory], seconds: float | None = None
 ) -> dict[str, Any]:
     """The ``command`` of a result: the table, and its flight on every plant.
 
@@ -26,28 +44,26 @@ def commanded(
     those of several plants stand under ``scenarios``. A stored result has that of the leading one alone.
     Raises TooManyRowsError.
     """
-    count = rows(command, answers[0].duration)
+    count = rows(command, answers[0].tf - answers[0].t0)
     if count > MAX_ROWS:
         raise TooManyRowsError(f"a table of {count:,} rows is asked for, at most {MAX_ROWS:,} are made")
-    # The document's own controls: none is a state here.
-    plants = formulate(spec.changed(control_rates={})).plants
-    table = make_command(command, plants[0].problem, answers[0])
-    flights = [
-        fly_command(table, plant.problem, answer, seconds)
-        for plant, answer in zip(plants, answers, strict=False)
-    ]
-    found = {**table.to_dict(), "verification": flights[0]}
-    if spec.scenarios is not None and len(flights) == len(plants):
-        found["scenarios"] = {plant.name: flight for plant, flight in zip(plants, flights, strict=True)}
+    plants = list(routes(without_rates(spec), answers))
+    table = make_command(command, plants[0].legs)
+    flights = {plant.name: fly_command(table, plant.legs, seconds) for plant in plants}
+    found = {**table.to_dict(), "verification": flights[plants[0].name]}
+    if spec.scenarios is not None and len(plants) == spec.scenarios.count:
+        found["scenarios"] = flights
     return found
 
 
-def coasted(spec: ProblemSpec, answer: Trajectory, seconds: float) -> Mapping[str, Any]:
+def coasted(spec: ProblemSpec, answer: AnyTrajectory, seconds: float) -> Mapping[str, Any]:
     """The ``coast`` of a result: the leading plant without control after its flight."""
-    problem = formulate(spec).plants[0].problem
+    (plant,) = routes(spec, [answer])
+    promised = [leg.answer.states_at(leg.answer.breakpoints) for leg in plant.legs]
     try:
-        end = flown_end(problem, answer, answer.states_at(answer.breakpoints))
+        *_, end = fly_legs(plant.legs, answer.parts, promised)
     except FlightError as error:
         return {"seconds": seconds, "note": f"The flight itself was not computed: {error}."}
-    plain = formulate(spec.changed(control_rates={})).plants[0].problem
-    return coast(plain, answer, end[: len(plain.states)], seconds)
+    (plain,) = routes(without_rates(spec), [answer])
+    last = plain.legs[-1]
+    return coast(last.problem, last.answer, end[: len(last.problem.states)], seconds)

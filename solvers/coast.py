@@ -10,29 +10,14 @@ from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
 from solvers.backends import NUMPY
-from solvers.flight import ControlledModel, FlightError
+from solvers.flight import FlightError
 from solvers.problem import OptimalControlProblem
 from solvers.trajectory import Trajectory
-from solvers.violations import SMALLEST_SCALE
 
 Vector = NDArray[np.float64]
 
 SAMPLES = 401
 _SECONDS = 20.0
-
-
-def flown_end(problem: OptimalControlProblem, flown: Trajectory, promised: Vector) -> Vector:
-    """The states (n,) in which the flight of a control ends; ``promised`` (n, K + 1) at the breakpoints.
-
-    Raises FlightError where it does not come to its end.
-    """
-    scale = np.maximum(SMALLEST_SCALE, np.abs(promised).max(axis=1))
-    model = ControlledModel(problem, flown, scale, time.monotonic() + _SECONDS)
-    if model.breakpoints.size != promised.shape[1]:
-        rows = [np.interp(model.breakpoints, flown.breakpoints, row) for row in promised]
-        promised = np.array(rows)
-    slopes, arcs = model.linearised(promised[:, :-1])
-    return model.fly(promised, slopes, arcs).states[:, -1]
 
 
 def coast(problem: OptimalControlProblem, flown: Trajectory, start: Vector, seconds: float) -> dict[str, Any]:

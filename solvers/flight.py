@@ -19,9 +19,11 @@ from scipy.integrate import solve_ivp
 from solvers.arrays.rates import Rates
 from solvers.curves import rests_between_breaks
 from solvers.errors import OndeletteError
+from solvers.flown_controls import FlownControls
 from solvers.problem import OptimalControlProblem
 from solvers.time_knots import flight_corners
 from solvers.trajectory import Trajectory
+from solvers.violations import SMALLEST_SCALE
 
 Vector = NDArray[np.float64]
 
@@ -37,9 +39,8 @@ _SLOPES_KEPT_BELOW = 0.1
 _OFFSET = 1e-6
 # Most arcs are crossed in two steps; the first step that SciPy chooses by itself is far shorter.
 _FIRST_STEP = 0.5
-_SAMPLES_PER_ARC = 16
-_TOUCHING = 1e-9
-_BISECTIONS = 45
+# The longest that one flight by itself may take, s.
+_SECONDS = 20.0
 
 
 class FlightError(OndeletteError):
@@ -74,24 +75,20 @@ class ControlledModel:
     ) -> None:
         self._trajectory = trajectory
         self._scale, self._deadline = scale, deadline
+        self._controls = FlownControls(
+            trajectory, problem.control_bounds, flight_corners(problem, trajectory)
+        )
         self._integrals = 1 + len(problem.integrals)
         integrands = [problem.running_cost, *(item.expression for item in problem.integrals)]
         self._rates = Rates(problem, problem.parameters_of(trajectory), integrands)
-        self.bounds = np.array(problem.control_bounds, np.float64).reshape(-1, 2)
+        self.bounds, self.clipped = self._controls.bounds, self._controls.clipped
         self._rests = all(rests_between_breaks(curve) for curve in trajectory.controls.values())
-        self.breakpoints = np.union1d(
-            trajectory.breakpoints, np.append(self._crossings(), self._table_corners(problem))
-        )
+        self.breakpoints = self._controls.breakpoints
 
     @property
     def arcs(self) -> int:
         """K, the number of arcs."""
         return self.breakpoints.size - 1
-
-    def clipped(self, tau: Vector) -> Vector:
-        """Controls (m, len(tau)) as flown."""
-        controls = self._trajectory.controls_at(tau)
-        return np.clip(controls, self.bounds[:, :1], self.bounds[:, 1:])
 
     def integrate(self, starts: Vector, arcs: NDArray[np.intp]) -> Arcs:
         """Integrate the arcs of these indices from ``starts`` (n, len(arcs)).
@@ -211,40 +208,20 @@ class ControlledModel:
             integrals += arc.integrals[:, 0]
         return Flight(np.column_stack(states), integrals)
 
-    def _crossings(self) -> Vector:
-        """Where a control crosses a bound between breakpoints: the clipped control has a corner there."""
-        breaks = self._trajectory.breakpoints
-        fractions = np.linspace(0.0, 1.0, _SAMPLES_PER_ARC + 1)
-        tau = np.append((breaks[:-1, None] + np.diff(breaks)[:, None] * fractions[:-1]).ravel(), 1.0)
-        found = [np.zeros(0)]
-        for curve, bounds in zip(self._trajectory.controls.values(), self.bounds, strict=True):
-            values = curve(tau)
-            # A control that rests on its bound touches it by rounding: only what leaves it has a corner.
-            slack = _TOUCHING * max(1.0, float(np.max(np.abs(values))))
-            for bound, sign in zip(bounds, (-1.0, 1.0), strict=True):
-                if np.isfinite(bound):
-                    limit = sign * bound + slack
-                    outside = sign * values > limit
-                    change = np.flatnonzero(outside[1:] != outside[:-1])
-                    if not change.size:
-                        continue
-                    low, high, side = tau[change], tau[change + 1], outside[change]
-                    for _ in range(_BISECTIONS):
-                        middle = 0.5 * (low + high)
-                        same = (sign * curve(middle) > limit) == side
-                        low, high = np.where(same, middle, low), np.where(same, high, middle)
-                    found.append(0.5 * (low + high))
-        return self._apart(np.concatenate(found))
 
-    def _table_corners(self, problem: OptimalControlProblem) -> Vector:
-        """Where data tables over time have corners that are no breakpoints already."""
-        return self._apart(flight_corners(problem, self._trajectory))
+def whole_flight(problem: OptimalControlProblem, flown: Trajectory, promised: Vector) -> Vector:
+    """The states (n,) in which the flight of a control from ``promised[:, 0]`` ends.
 
-    def _apart(self, places: Vector) -> Vector:
-        """Those of these normalised times that are no breakpoints of the trajectory."""
-        nearest = np.min(np.abs(places[:, None] - self._trajectory.breakpoints), axis=1, initial=1.0)
-        apart: Vector = places[nearest > 1e-10]
-        return apart
+    ``promised`` (n, K + 1): about where it goes at the breakpoints. Raises FlightError where it does not come
+    to its end.
+    """
+    scale = np.maximum(SMALLEST_SCALE, np.abs(promised).max(axis=1))
+    model = ControlledModel(problem, flown, scale, time.monotonic() + _SECONDS)
+    if model.breakpoints.size != promised.shape[1]:
+        rows = [np.interp(model.breakpoints, flown.breakpoints, row) for row in promised]
+        promised = np.array(rows)
+    slopes, arcs = model.linearised(promised[:, :-1])
+    return model.fly(promised, slopes, arcs).states[:, -1]
 
 
 def _accumulate(slopes: Vector, gaps: Vector) -> Vector:

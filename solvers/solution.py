@@ -14,8 +14,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from solvers.aftermath import TooManyRowsError, coasted, commanded
+from solvers.aftermath import asked_for
 from solvers.coefficients import encode
+from solvers.phases.trajectory import AnyTrajectory
 from solvers.problem import OptimalControlProblem
 from solvers.report import constraint_margins
 from solvers.sampling import output_extremes, sample
@@ -128,8 +129,13 @@ class Answer(ABC):
         return {key: finite(value) for key, value in plain.items()}
 
     def asked_for(self) -> dict[str, Any]:
-        """What the document asks for besides."""
-        return {}
+        """What the document asks for besides: its command table, and coasting."""
+        found, warnings = asked_for(self.spec, self.answers())
+        return found | ({"warnings": [*self.warnings, *warnings]} if warnings else {})
+
+    @abstractmethod
+    def answers(self) -> Sequence[AnyTrajectory]:
+        """The answer of each plant, the leading one first."""
 
     def sample_times(self) -> Vector:
         """Equidistant times, and every switching instant twice: its left and its right value."""
@@ -185,21 +191,15 @@ class Solution(Answer):
         }
 
     def asked_for(self) -> dict[str, Any]:
-        """The command table and the coasting, where the document asks for them, and every plant."""
-        output, problem, found = self.spec.output, self.spec.problem, dict[str, Any]()
-        if output.command is not None:
-            answers = [answer.trajectory for answer in self.plants] or [self.trajectory]
-            try:
-                found["command"] = commanded(problem, output.command, answers, output.coast)
-            except TooManyRowsError as error:
-                found["command"] = None
-                warning = {"code": "no_command", "pointer": "/output/command/period", "detail": str(error)}
-                found["warnings"] = [*self.warnings, warning]
-        if output.coast is not None:
-            found["coast"] = coasted(problem, self.trajectory, output.coast)
+        """See :meth:`Answer.asked_for`; besides, every plant."""
+        found = super().asked_for()
         if self.plants:
             found["scenarios"] = {answer.plant.name: self._scenario(answer) for answer in self.plants}
         return found
+
+    def answers(self) -> Sequence[AnyTrajectory]:
+        """See :meth:`Answer.answers`."""
+        return [answer.trajectory for answer in self.plants] or [self.trajectory]
 
     def _scenario(self, answer: PlantAnswer) -> dict[str, Any]:
         """The entry of one of several plants."""

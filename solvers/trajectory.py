@@ -41,6 +41,11 @@ class Trajectory:
     design: Mapping[str, float] = field(default_factory=dict)
 
     @property
+    def parts(self) -> tuple[Trajectory, ...]:
+        """The trajectory of each phase: this one alone."""
+        return (self,)
+
+    @property
     def duration(self) -> float:
         """tf - t0."""
         return self.tf - self.t0

@@ -14,8 +14,8 @@ from app.openapi import refusals
 from app.service import Shared
 from solvers.aftermath import TooManyRowsError, commanded
 from solvers.export import command_csv, command_mat
+from solvers.phases.trajectory import trajectory_of
 from solvers.spec import CommandSpec, check_document
-from solvers.trajectory import Trajectory
 
 router = APIRouter(prefix="/v1/jobs/{job_id}", tags=["results"])
 
@@ -52,8 +52,6 @@ def command(
     if stored["method"]["name"] == "piecewise":
         raise ServiceError("no-result", "A mission in segments has no command table.")
     spec = check_document(stored["resolved"]["document"])
-    if spec.problem.phases:
-        raise ServiceError("no-result", "A flight of phases has no command table in this version.")
     given = spec.output.command
     if given is None and period is None:
         raise wrong_parameter("period", "is needed, for the document has no output.command")
@@ -62,7 +60,7 @@ def command(
         **{name: value for name, value in changes.items() if value is not None}
     )
     try:
-        found = commanded(spec.problem, wanted, [Trajectory.from_result(stored)])
+        found = commanded(spec.problem, wanted, [trajectory_of(stored)])
         text = json.dumps({"job_id": job_id, **found}, allow_nan=False, separators=(",", ":"))
     except TooManyRowsError as error:
         raise wrong_parameter("period", str(error)) from error

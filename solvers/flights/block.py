@@ -110,8 +110,8 @@ class Block:
         promised = np.array([answer.states[name](answer.breakpoints) for name in problem.states])
         self._scales = np.maximum(SMALLEST_SCALE, np.abs(promised).max(axis=1))
         largest = np.maximum(self._scales, np.abs(self._start[: len(states)]).max(axis=1))
-        told = np.abs(commands.model.clipped(commands.model.breakpoints)).max(axis=1)
-        sizes = self._fleet.sizes(largest, np.maximum(SMALLEST_SCALE, told))
+        told = np.maximum(SMALLEST_SCALE, commands.sizes(problem.controls))
+        sizes = self._fleet.sizes(largest, told)
         self._population = Population(self._start, sizes, RTOL, self._begin, self._rate)
         rated = set(problem.controls) - set(answer.controls)
         self._outputs = [item for item in problem.outputs if not _names_rate(item, rated)]
@@ -132,7 +132,9 @@ class Block:
 
         self._tell = tell
         corners = corner_times(self._problem)
-        stops = _stops(self._commands.breakpoints, np.append(corners, np.linspace(begin, end, SAMPLES)))
+        stops = _stops(
+            self._commands.breakpoints(begin, end), np.append(corners, np.linspace(begin, end, SAMPLES))
+        )
         controls = first = self._felt(stops[0], stops[1], 0.0)
         self._look(begin, first)
         for start, stop in pairwise(stops):
@@ -183,14 +185,14 @@ class Block:
     def _begin(self, start: float, length: float) -> None:
         self._tell(start)
         self._times = inside(start, start + length, NODES)
-        self._told = self._commands.at(self._times)
+        self._told = self._commands.at(self._times, self._problem.controls)
 
     def _rate(self, stage: int, states: Vector, rates: Vector) -> None:
         self._fleet.rate(states, self._told[:, stage], self._times[stage], rates)
 
     def _felt(self, start: float, stop: float, part: float) -> Vector:
         """The controls (m, P) at a part of a step."""
-        told = self._commands.at(inside(start, stop, np.array([part])))[:, 0]
+        told = self._commands.at(inside(start, stop, np.array([part])), self._problem.controls)[:, 0]
         return self._fleet.controls(self._population.states, told)
 
     def _look(self, t: float, controls: Vector) -> None:

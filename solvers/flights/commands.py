@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
-import math
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from solvers.command import make_command, played
-from solvers.flight import ControlledModel
-from solvers.problem import OptimalControlProblem
+from solvers.flown_controls import FlownControls
+from solvers.legs import Leg
+from solvers.quantities import FREE
 from solvers.spec import CommandSpec
-from solvers.trajectory import Trajectory
+from solvers.time_knots import flight_corners
 
 Vector = NDArray[np.float64]
 
@@ -21,42 +22,56 @@ _INSIDE = 1e-11
 
 @dataclass(frozen=True)
 class Commands:
-    """Commands (m,) over time: those of ``model`` between its ends, zero elsewhere, each with its delay (m,).
+    """Commands over time, from the begin of a flight to when the last one has had its effect.
 
-    ``start`` and ``end``: when the flight begins, and when the last command has had its effect.
+    Those of ``pieces``, which follow each other, each late by the delay of its control (0 where none is
+    named); zero where no piece has the control.
     """
 
-    model: ControlledModel
-    flown: Trajectory
-    delays: Vector
+    pieces: Sequence[FlownControls]
+    delays: Mapping[str, float]
 
     @property
     def start(self) -> float:
         """When the flight begins."""
-        return self.flown.t0
+        return self.pieces[0].trajectory.t0
 
     @property
     def end(self) -> float:
         """When the last command has ended."""
-        return self.flown.tf + float(np.max(self.delays, initial=0.0))
+        return self.pieces[-1].trajectory.tf + max(self.delays.values(), default=0.0)
 
-    @property
-    def breakpoints(self) -> Vector:
-        """Ascending times between which every command is smooth, the start and the end among them."""
-        own = self.flown.time(self.model.breakpoints)
-        every = np.concatenate([[self.start, self.end], *(own + delay for delay in np.unique(self.delays))])
-        return np.unique(every)
+    def breakpoints(self, start: float, end: float) -> Vector:
+        """Ascending times between which every command is smooth, from one time to another one."""
+        own = np.concatenate([piece.trajectory.time(piece.breakpoints) for piece in self.pieces])
+        controls = {name for piece in self.pieces for name in piece.trajectory.controls}
+        every = np.concatenate([own + delay for delay in {self.delays.get(name, 0.0) for name in controls}])
+        return np.concatenate([[start], np.unique(every[(every > start) & (every < end)]), [end]])
 
-    def at(self, times: Vector) -> Vector:
-        """Commands (m, K) at K times."""
-        values = np.zeros((self.delays.size, times.size))
-        for delay in np.unique(self.delays):
+    def at(self, times: Vector, controls: Sequence[str]) -> Vector:
+        """Commands (m, K) of these controls at K times."""
+        values = np.zeros((len(controls), times.size))
+        delays = np.array([self.delays.get(name, 0.0) for name in controls])
+        for delay in np.unique(delays):
             own = times - delay
-            given = (own > self.flown.t0) & (own < self.flown.tf)
-            if given.any():
-                late = self.delays == delay
-                values[np.ix_(late, given)] = self.model.clipped(self.flown.tau(own[given]))[late]
+            for piece in self.pieces:
+                flown = piece.trajectory
+                given = (own > flown.t0) & (own < flown.tf)
+                if given.any():
+                    found = dict(zip(flown.controls, piece.clipped(flown.tau(own[given])), strict=True))
+                    for row, name in enumerate(controls):
+                        if name in found and delays[row] == delay:
+                            values[row, given] = found[name]
         return values
+
+    def sizes(self, controls: Sequence[str]) -> Vector:
+        """The largest magnitude (m,) of each of these controls."""
+        largest = dict.fromkeys(controls, 0.0)
+        for piece in self.pieces:
+            values = np.abs(piece.clipped(piece.breakpoints)).max(axis=1)
+            for name, value in zip(piece.trajectory.controls, values, strict=True):
+                largest[name] = max(largest.get(name, 0.0), float(value))
+        return np.array([largest[name] for name in controls], np.float64)
 
 
 def inside(start: float, stop: float, parts: Vector) -> Vector:
@@ -65,21 +80,22 @@ def inside(start: float, stop: float, parts: Vector) -> Vector:
     return np.clip(start + (stop - start) * parts, start + margin, stop - margin)
 
 
-def commands_of(
-    problem: OptimalControlProblem, answer: Trajectory, table: CommandSpec | None, delays: Vector
-) -> Commands:
-    """The commands of an answer; ``table``: how its table is made, None where the control itself is flown.
+def commands_of(legs: Sequence[Leg], table: CommandSpec | None, delays: Mapping[str, float]) -> Commands:
+    """The commands of an answer, whose ``legs`` have the controls of the document, not their rates.
 
-    ``problem`` has the controls of the document, not their rates.
+    ``table``: how its table is made, None where the control itself is flown.
     """
-    if table is not None:
-        flown = played(make_command(table, problem, answer), problem, answer)
-    else:
-        curves = {**answer.states, **answer.controls}
-        flown = replace(
-            answer,
-            states={name: answer.states[name] for name in problem.states},
-            controls={name: curves[name] for name in problem.controls},
-        )
-    scale = np.ones(len(problem.states))
-    return Commands(ControlledModel(problem, flown, scale, math.inf), flown, delays)
+    if table is None:
+        return Commands([_own(leg) for leg in legs], delays)
+    command = make_command(table, legs)
+    flown = played(command, command.controls, legs[0].answer.t0, command.end)
+    corners = np.concatenate([flight_corners(leg.problem, flown) for leg in legs])
+    return Commands([FlownControls(flown, [FREE] * len(command.controls), corners)], delays)
+
+
+def _own(leg: Leg) -> FlownControls:
+    """The controls of a leg itself."""
+    answer, problem = leg.answer, leg.problem
+    curves = {**answer.states, **answer.controls}
+    flown = replace(answer, controls={name: curves[name] for name in problem.controls})
+    return FlownControls(flown, problem.control_bounds, flight_corners(problem, answer))

@@ -13,6 +13,7 @@ from solvers.flights.block import Block, Flown
 from solvers.flights.commands import commands_of
 from solvers.flights.draws import Draws
 from solvers.flights.model import dispersed_problem
+from solvers.legs import routes, without_rates
 from solvers.problem import OptimalControlProblem
 from solvers.progress import Progress, ProgressReport
 from solvers.scaling import automatic_scaling
@@ -59,11 +60,11 @@ def fly(
     """
     problem = dispersed_problem(job.problem, [*draws.parameters])
     actuators = [spec.actuator.get(name) for name in problem.controls]
-    delays = np.array([0.0 if item is None else item.delay for item in actuators])
     lags = np.array([0.0 if item is None else item.lag for item in actuators])
-    plain = dispersed_problem(job.problem, ())
-    commands = commands_of(plain, answer, spec.table(job), delays)
-    limits = _limits(plain, rates_of(job))
+    (plant,) = routes(without_rates(job.problem), [answer])
+    delays = {name: item.delay for name, item in spec.actuator.items()}
+    commands = commands_of(plant.legs, spec.table(job), delays)
+    limits = _limits(plant.legs[0].problem, rates_of(job))
     firsts = range(0, spec.runs, _BLOCK)
     flown = []
     for number, first in enumerate(firsts):

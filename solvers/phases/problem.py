@@ -15,6 +15,7 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from solvers.backends import NUMPY, Backend
 from solvers.errors import pointer
@@ -39,6 +40,9 @@ from solvers.spec import (
 )
 from solvers.spec.pointers import parse_pointer
 from solvers.time_knots import corner_warnings
+from solvers.trajectory import Trajectory
+
+Vector = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -166,12 +170,32 @@ def meet_when_given(before: OptimalControlProblem, after: OptimalControlProblem)
 
 
 def start_after(
-    link: Link, phases: tuple[Phase, Phase], end: End, parameters: Parameters, backend: Backend = NUMPY
+    link: Link, before: OptimalControlProblem, end: End, parameters: Parameters, backend: Backend = NUMPY
 ) -> dict[str, Any]:
-    """The values with which a phase begins after ``end`` of the phase before, by state."""
+    """The values with which a phase begins after ``end`` of the problem before, by state."""
     wanted = names_of(link.starts.values())
-    scope = phases[0].problem.end_scope(end, parameters, backend, wanted)
+    scope = before.end_scope(end, parameters, backend, wanted)
     return {name: item.evaluate(scope, backend.functions) for name, item in link.starts.items()}
+
+
+def begin_after(
+    link: Link,
+    before: OptimalControlProblem,
+    flown: Trajectory,
+    end: Vector,
+    after: OptimalControlProblem,
+    promised: Vector,
+) -> Vector:
+    """The states (n,) of ``after`` with which a phase begins after ``end``, to which ``before`` was flown.
+
+    ``flown`` has its controls; states that the link leaves free begin as ``promised``.
+    """
+    controls = flown.controls_at(np.ones(1))[:, 0]
+    with np.errstate(all="ignore"):
+        values = start_after(link, before, (end, controls, flown.tf), before.parameters_of(flown))
+    return np.array(
+        [values.get(name, value) for name, value in zip(after.states, promised, strict=True)], float
+    )
 
 
 def phased_problem(spec: ProblemSpec) -> PhasedProblem:
@@ -254,10 +278,10 @@ def _started(phase: Phase, guess: Any) -> Phase:
 
 def _begin(problem: PhasedProblem, index: int, end: End) -> Mapping[str, float]:
     """The finite ones of the states with which a phase begins after this end of the one before."""
-    before, after = problem.phases[index - 1 : index + 1]
+    before = problem.phases[index - 1]
     parameters = {**before.problem.parameters, **before.problem.guess.design}
     with np.errstate(all="ignore"):
-        values = start_after(problem.links[index - 1], (before, after), end, parameters)
+        values = start_after(problem.links[index - 1], before.problem, end, parameters)
     return {name: float(value) for name, value in values.items() if np.isfinite(value)}
 
 

@@ -33,6 +33,10 @@ class PhasedSolution(Answer):
         """Initial and final time."""
         return self.trajectory.t0, self.trajectory.tf
 
+    def answers(self) -> Sequence[PhasedTrajectory]:
+        """See :meth:`solvers.solution.Answer.answers`."""
+        return [self.trajectory]
+
     def jumps(self) -> Sequence[float]:
         """Where phases meet."""
         return list(self.trajectory.edges[1:-1])

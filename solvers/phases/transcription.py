@@ -152,8 +152,7 @@ class PhasedTranscription:
         ends = [_Symbols(before), _Symbols(after)]
         p = ca.SX.sym("p", len(before.problem.parameters))
         parameters = dict(zip(before.problem.parameters, ca.vertsplit(p), strict=True)) | ends[0].design
-        pair = self.problem.phases[index], self.problem.phases[index + 1]
-        values = start_after(link, pair, ends[0].at("tf"), parameters, CASADI)
+        values = start_after(link, before.problem, ends[0].at("tf"), parameters, CASADI)
         begins = dict(zip(after.problem.states, ends[1].x, strict=True))
         gaps = ca.vertcat(*[begins[name] - value for name, value in values.items()])
         z = ca.vertcat(ends[0].z, ends[1].z)

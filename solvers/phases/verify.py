@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from solvers.backends import NUMPY
-from solvers.phases.problem import PhasedProblem, start_after
+from solvers.phases.problem import PhasedProblem, begin_after
 from solvers.phases.trajectory import PhasedTrajectory
 from solvers.trajectory import Trajectory
 from solvers.verification import Check, StateReport, Tolerances, Verification
@@ -73,17 +73,9 @@ def totals(integrals: Sequence[Mapping[str, float]]) -> dict[str, float]:
 
 def _states_after(problem: PhasedProblem, answer: PhasedTrajectory, index: int, end: Vector) -> Vector:
     """The states with which phase ``index`` begins after ``end``; as promised where they are free."""
-    before, after = problem.phases[index - 1 : index + 1]
-    trajectory = answer.parts[index - 1]
-    controls = trajectory.controls_at(np.ones(1))[:, 0]
-    parameters = before.plant.problem.parameters_of(trajectory)
-    with np.errstate(all="ignore"):
-        values = start_after(
-            problem.links[index - 1], (before, after), (end, controls, trajectory.tf), parameters
-        )
+    before, after = (phase.plant.problem for phase in problem.phases[index - 1 : index + 1])
     promised = answer.parts[index].states_at(np.zeros(1))[:, 0]
-    names = after.plant.problem.states
-    return np.array([values.get(name, value) for name, value in zip(names, promised, strict=True)], float)
+    return begin_after(problem.links[index - 1], before, answer.parts[index - 1], end, after, promised)
 
 
 def _gap(problem: PhasedProblem, answer: PhasedTrajectory, index: int) -> float:

@@ -11,6 +11,7 @@ from solvers.spec.base import SpecModel
 from solvers.spec.checks import check_constant
 from solvers.spec.faults import Flaws, kind_of, refuse
 from solvers.spec.fields import VALUE_SCHEMA, Check, Real
+from solvers.spec.phases import flown_names, flown_scopes
 from solvers.spec.scope import Scope
 from solvers.spec.tables import object_of, unknown_key
 
@@ -36,9 +37,10 @@ class QuantumTable(Check):
     def check(self, value: Any, scope: Scope) -> dict[str, float]:
         """Return the steps as numbers."""
         table, flaws, found = object_of(value), Flaws(), dict[str, float]()
+        controls = flown_names(flown_scopes(scope), "controls") if table else None
         for name, entry in table.items():
-            if scope.known and name not in scope.controls:
-                flaws.add(unknown_key(name, "control", scope.controls, scope), name)
+            if controls is not None and name not in controls:
+                flaws.add(unknown_key(name, "control", controls, scope), name)
                 continue
             number = check_constant(entry, scope, flaws, name)
             if number is not None and number <= 0.0:

@@ -123,9 +123,6 @@ def _not_done(document: Mapping[str, Any]) -> Iterator[tuple[Path, str]]:
     for key in ("states", "controls", "from_result"):
         if mapping(problem.get("guess")).get(key):
             yield ("problem", "guess", key), "a guess of the whole flight (that of a phase is done)"
-    for key in ("command", "coast"):
-        if mapping(document.get("output")).get(key) is not None:
-            yield ("output", key), f"'{key}'"
     if document.get("warm_start") is not None:
         yield ("warm_start",), "'warm_start'"
 

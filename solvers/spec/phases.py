@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
@@ -170,6 +170,18 @@ def phase_scope(scope: Scope, view: PhaseView) -> Scope:
     own = read_scope({**scope.document, "problem": names})
     own.suggestions = scope.suggestions
     return own
+
+
+def flown_scopes(scope: Scope) -> list[Scope]:
+    """Return the names of each phase of the document of ``scope``; of the document where it has none."""
+    return [phase_scope(scope, view) for view in phase_views(scope.problem)[:MAX_PHASES]] or [scope]
+
+
+def flown_names(scopes: Sequence[Scope], kind: Literal["controls", "parameter_names"]) -> list[str] | None:
+    """Return the controls or the parameters that any phase has; None where a model could not be read."""
+    if not all(own.known for own in scopes):
+        return None
+    return list(dict.fromkeys(name for own in scopes for name in getattr(own, kind)))
 
 
 def _check_link(link: LinkSpec, views: Sequence[PhaseView], scope: Scope, flaws: Flaws) -> None:

@@ -148,6 +148,11 @@ class Scenarios(SpecModel):
     """Whose objective is minimised; ``nominal`` where that is a plant, else ``mean``."""
 
     @property
+    def count(self) -> int:
+        """The number of plants."""
+        return len(self.cases) + self.nominal
+
+    @property
     def choice(self) -> str:
         """The objective that is chosen."""
         return self.objective or ("nominal" if self.nominal else "mean")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import json
 from collections.abc import Callable
 
 import httpx
@@ -10,8 +11,12 @@ import numpy as np
 import pytest
 from scipy.io import loadmat
 
+from solvers.solve import solve
+from solvers.spec import check_document
 from tests.problems import problem
+from tests.solvers.phases.test_phases import BOUNCE
 from worker.records import JobStatus
+from worker.store import compress
 
 
 @pytest.fixture
@@ -26,6 +31,17 @@ def test_a_table_with_its_flight(client: httpx.Client, command: str) -> None:
     assert abs(answer["verification"]["states"]["alpha"]["error"]) < 1e-3
     sampled = client.get(command, params={"period": 0.1, "rule": "sample"}).json()
     assert sampled["controls"]["T"] != answer["controls"]["T"]
+
+
+def test_one_table_over_all_phases(client: httpx.Client, job: Callable[..., str]) -> None:
+    document = check_document({**BOUNCE, "method": {"name": "gpm", "nodes": 8}})
+    packed = compress(json.dumps(solve(document).result()).encode())
+    place = f"/v1/jobs/{job(JobStatus.SUCCEEDED, packed)}/command"
+    table = client.get(place, params={"period": 0.3}).json()
+    assert table["verification"]["phases"][1]["final_time"] == pytest.approx(2.1)
+    text = client.get(place, params={"period": 0.3, "format": "csv"}).text
+    assert text.splitlines()[0] == "t,u"
+    assert [float(line.split(",")[1]) for line in text.splitlines()[1:]] == table["controls"]["u"]
 
 
 def test_other_formats(client: httpx.Client, command: str) -> None:

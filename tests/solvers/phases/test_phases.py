@@ -69,6 +69,36 @@ ROCKET: dict[str, Any] = {
     "options": {"tolerance": 1e-11},
 }
 
+# x' = u for a second, then y'' = F with y beginning where x ended and at rest. The least integral of u^2 from
+# x = 0 to x1 is x1^2, and 12 (1 - x1)^2 from rest to rest: x1 = 12/13.
+SLIDE_AND_ROLL: dict[str, Any] = {
+    "problem": {
+        "model": {"kind": "first_order", "states": ["x"], "controls": ["u"], "dynamics": {"x": "u"}},
+        "final_time": 2,
+        "initial_state": {"x": 0},
+        "objective": {"running": "u^2"},
+        "phases": [
+            {"name": "slide", "final_time": 1},
+            {
+                "name": "roll",
+                "model": {
+                    "kind": "mechanical",
+                    "coordinates": ["y"],
+                    "controls": ["F"],
+                    "mass": [[1]],
+                    "input": [[1]],
+                },
+                "initial_state": {"y_dot": 0},
+                "final_state": {"y": 1, "y_dot": 0},
+                "objective": {"running": "F^2"},
+                "outputs": [{"name": "power", "expression": "F*y_dot"}],
+            },
+        ],
+        "links": [{"from": "slide", "to": "roll", "jump": {"y": "x_f"}}],
+    },
+    "method": GPM,
+}
+
 
 @pytest.fixture(scope="module")
 def rocket() -> dict[str, Any]:
@@ -228,33 +258,7 @@ def test_what_the_result_says_of_phases(rocket: dict[str, Any]) -> None:
 
 
 def test_phases_with_models_of_their_own() -> None:
-    """x' = u for a second, then y'' = u with y beginning where x ended and at rest.
-
-    The least integral of u^2 from x = 0 to x1 is x1^2, and 12 (1 - x1)^2 from rest to rest: x1 = 12/13.
-    """
-    cart = {"kind": "mechanical", "coordinates": ["y"], "controls": ["F"], "mass": [[1]], "input": [[1]]}
-    document = {
-        "problem": {
-            "model": {"kind": "first_order", "states": ["x"], "controls": ["u"], "dynamics": {"x": "u"}},
-            "final_time": 2,
-            "initial_state": {"x": 0},
-            "objective": {"running": "u^2"},
-            "phases": [
-                {"name": "slide", "final_time": 1},
-                {
-                    "name": "roll",
-                    "model": cart,
-                    "initial_state": {"y_dot": 0},
-                    "final_state": {"y": 1, "y_dot": 0},
-                    "objective": {"running": "F^2"},
-                    "outputs": [{"name": "power", "expression": "F*y_dot"}],
-                },
-            ],
-            "links": [{"from": "slide", "to": "roll", "jump": {"y": "x_f"}}],
-        },
-        "method": GPM,
-    }
-    result = result_of(document)
+    result = result_of(SLIDE_AND_ROLL)
     assert result["success"], result["message"]
     assert result["objective"] == pytest.approx(12 / 13, abs=1e-10)
     trajectory, (slide, roll) = result["trajectory"], result["phases"]

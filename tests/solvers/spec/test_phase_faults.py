@@ -93,6 +93,11 @@ def faults(**changes: Any) -> dict[str, str]:
         ),
         ({"initial_state": {}}, "/problem/initial_state", "'x' is missing"),
         ({"bounds": {"u": [1, 0]}}, "/problem/bounds/u", "crossed"),
+        (
+            {"output": {"command": {"period": 0.1, "quantum": {"v": 1}}}},
+            "/output/command/quantum/v",
+            "unknown control 'v'",
+        ),
         ({"phases": 3}, "/problem/phases", "must be a list"),
         ({"phases": [3]}, "/problem/phases/0", "must be an object"),
         ({"phases": [{"name": f"p{k}"} for k in range(17)]}, "/problem/phases", "at most 16"),
@@ -124,7 +129,6 @@ def test_every_mistake_is_reported_at_once() -> None:
         ({"method": {"name": "gpm", "adaptive": {"tolerance": 1e-8}}}, "/method/adaptive"),
         ({"objective": {"maximum": "u"}}, "/problem/objective/maximum"),
         ({"guess": {"states": {"x": [0, 1]}}}, "/problem/guess/states"),
-        ({"output": {"command": {"period": 0.1}}}, "/output/command"),
         ({"warm_start": "x"}, "/warm_start"),
     ],
 )

@@ -1,0 +1,88 @@
+"""An answer as it is flown: leg after leg, one for each phase, a single one where there are no phases."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from functools import partial
+
+import numpy as np
+from numpy.typing import NDArray
+
+from solvers.elastic import place_in_document
+from solvers.flight import whole_flight
+from solvers.phases.problem import Link, Phase, begin_after, phased_problem
+from solvers.phases.trajectory import AnyTrajectory
+from solvers.problem import OptimalControlProblem
+from solvers.scenarios import formulate
+from solvers.spec import ProblemSpec
+from solvers.trajectory import Trajectory
+
+Vector = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Leg:
+    """A part of an answer that goes by one model: the whole of it where there are no phases.
+
+    ``link``: how it begins after the leg before; ``spec``: the problem that it is by itself; ``located``: the
+    place in the document of what stands at a pointer into that.
+    """
+
+    name: str
+    problem: OptimalControlProblem
+    answer: Trajectory
+    link: Link
+    spec: ProblemSpec
+    located: Callable[[str], str]
+
+
+@dataclass(frozen=True)
+class Route:
+    """The legs of one plant, in their order; ``name``: that of the plant, empty where there is one."""
+
+    name: str
+    legs: tuple[Leg, ...]
+
+
+def routes(spec: ProblemSpec, answers: Sequence[AnyTrajectory]) -> Iterator[Route]:
+    """The legs of each plant that has an answer, the leading one first."""
+    if spec.phases:
+        problem = phased_problem(spec)
+        for answer in answers:
+            triples = zip(problem.phases, (Link({}), *problem.links), answer.parts, strict=True)
+            yield Route("", tuple(_of_phase(*triple) for triple in triples))
+        return
+    for plant, answer in zip(formulate(spec).plants, answers, strict=False):
+        place = partial(place_in_document, spec)
+        (part,) = answer.parts
+        yield Route(plant.name, (Leg(plant.name, plant.problem, part, Link({}), spec, place),))
+
+
+def without_rates(spec: ProblemSpec) -> ProblemSpec:
+    """The problem whose controls are the document's own: none is a state."""
+    return spec.changed(control_rates={}, phases=[phase.changed(control_rates={}) for phase in spec.phases])
+
+
+def fly_legs(
+    legs: Sequence[Leg], flown: Sequence[Trajectory], promised: Sequence[Vector]
+) -> Iterator[Vector]:
+    """Yield the states (n,) in which each leg ends, flown one after the other under the controls ``flown``.
+
+    ``promised`` (n, K + 1): about where each goes at the breakpoints of its control. The first leg begins
+    there, later ones as their links say. Raises FlightError where one does not come to its end.
+    """
+    end = np.empty(0)
+    for index, (leg, states) in enumerate(zip(legs, promised, strict=True)):
+        begin = states[:, 0]
+        if index:
+            begin = begin_after(leg.link, legs[index - 1].problem, flown[index - 1], end, leg.problem, begin)
+        end = whole_flight(leg.problem, flown[index], np.column_stack([begin, states[:, 1:]]))
+        yield end
+
+
+def _of_phase(phase: Phase, link: Link, answer: Trajectory) -> Leg:
+    def located(alone: str) -> str:
+        return phase.located(place_in_document(phase.spec, alone))
+
+    return Leg(phase.name, phase.plant.problem, answer, link, phase.spec, located)
