@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import logging
 import os
 import socket
@@ -89,5 +90,7 @@ def run(
         without_mingle=True,
         without_heartbeat=True,
     )
+    # What is loaded stays: no collection looks at it again, be it here or in a child, whose memory would be copied.
+    gc.freeze()
     worker.start()
     return int(worker.exitcode or 0)

@@ -4,6 +4,7 @@ import os
 import signal
 import time
 from collections.abc import Iterator
+from datetime import datetime
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -39,7 +40,8 @@ def worker_and_api(
 ) -> Iterator[tuple[Running, httpx.Client]]:
     """A worker that solves one job at a time and outlives what is done to its children, and its API."""
     deployment = Deployment(QueueSettings(broker=broker, prefix="faults:"), tmp_path_factory.mktemp("faults"))
-    with deployment.both(slots=1, **LIMITS) as both:
+    # Each child solves one job only: how it is replaced is part of what is looked at.
+    with deployment.both(slots=1, ONDELETTE_TASKS_PER_CHILD="1", **LIMITS) as both:
         yield both
 
 
@@ -62,6 +64,19 @@ def children(pid: int) -> list[int]:
 linux = pytest.mark.skipif(
     not Path("/proc/self/task").exists(), reason="finds the worker's children in /proc"
 )
+
+
+def test_a_child_that_has_solved_its_share_is_replaced_at_once(
+    worker_and_api: tuple[Running, httpx.Client], spacecraft: Document
+) -> None:
+    """Celery would look for its end on a timer of five seconds only."""
+    _, api = worker_and_api
+    spacecraft["options"]["max_iterations"] = 1
+    ids = [submit(api, spacecraft) for _ in range(4)]
+    jobs = [api.get(f"/v1/jobs/{job_id}", params={"wait": 60}).json() for job_id in ids]
+    ended, began = ([datetime.fromisoformat(job[key]) for job in jobs] for key in ("finished_at", "started_at"))
+    gaps = [(after - before).total_seconds() for before, after in zip(ended, began[1:], strict=False)]
+    assert min(gaps) < 3
 
 
 @linux
