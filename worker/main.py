@@ -90,7 +90,7 @@ def run(
         without_mingle=True,
         without_heartbeat=True,
     )
-    # What is loaded stays: no collection looks at it again, be it here or in a child, whose memory would be copied.
+    # What is loaded stays. No collection looks at it again, be it here or in a child, which would copy it.
     gc.freeze()
     worker.start()
     return int(worker.exitcode or 0)

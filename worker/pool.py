@@ -8,16 +8,16 @@ from celery.concurrency.asynpool import AsynPool
 from celery.concurrency.prefork import TaskPool
 from kombu.asynchronous import get_event_loop
 
-# Seconds that a child has from the end of its pipe, which is read, to the end of itself: it takes microseconds.
+# Seconds that a child has from the end of its pipe to the end of itself, which takes microseconds.
 _ENDING = 1.0
 
 
 class _PromptPool(AsynPool):
     """Celery's pool of processes, which replaces a child at once.
 
-    Celery looks for the child's exit code when its pipe ends. That is some microseconds before there is one, so
-    it mostly finds a child that lives, and looks again on a timer of five seconds, during which nothing is
-    solved in its place (celery/celery#9588).
+    Celery looks for the child's exit code when its pipe ends. That is some microseconds before there is one,
+    so it mostly finds a child that lives, and looks again on a timer of five seconds, during which nothing
+    is solved in its place (celery/celery#9588).
     """
 
     def _event_process_exit(self, hub: Any, proc: Any) -> None:
