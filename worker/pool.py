@@ -22,7 +22,7 @@ class _PromptPool(AsynPool):
 
     def _event_process_exit(self, hub: Any, proc: Any) -> None:
         proc.join(_ENDING)
-        super()._event_process_exit(hub, proc)
+        super()._event_process_exit(hub, proc)  # type: ignore[misc]  # celery-types do not know it.
 
 
 class WatchedPool(TaskPool):
