@@ -7,7 +7,6 @@ from dataclasses import replace
 
 from app.answers import not_finite, trajectory_of
 from app.auth import Principal
-from app.errors import ServiceError
 from app.service import Service
 from solvers.spec import parse_document
 from solvers.spec.flights import FlightsSpec, check_flights
@@ -28,8 +27,6 @@ def submit_flights(
     Raises as `Service.submit` does, and ServiceError where there is no answer that could be flown.
     """
     answered = service.answers.answer(source)
-    if answered["resolved"]["document"]["problem"].get("phases"):
-        raise ServiceError("no-result", "An answer with phases is not flown many times in this version.")
     spec = check_flights(parse_document(body), answered["resolved"]["document"])
     if not trajectory_of(answered).finite:
         raise not_finite()

@@ -24,7 +24,7 @@ from solvers.backends import NUMPY
 from solvers.expressions import combined, named, parse, product, total
 from solvers.guess import Start
 from solvers.problem import OptimalControlProblem
-from solvers.quantities import FREE, Constraint, DesignParameter
+from solvers.quantities import FREE, Constraint, DesignParameter, Integral
 from solvers.scaling import Scaling, end_scales, magnitude
 from solvers.spec import ProblemSpec
 
@@ -91,6 +91,16 @@ def wishes_of(problem: OptimalControlProblem, scaling: Scaling) -> list[Wish]:
     return [
         Wish(limit, f"{_SLACK}{number}", float(scale), along)
         for number, (limit, scale, along) in enumerate(found)
+        if np.isfinite(limit.interval).any()
+    ]
+
+
+def wishes_over_all(totals: Sequence[Integral], boundary: Sequence[Constraint]) -> list[Wish]:
+    """What may give of what counts over all phases: integrals, and constraints on both ends of the flight."""
+    limits = [Constraint(item.name, item.pointer, named(item.name), item.interval) for item in totals]
+    return [
+        Wish(limit, f"{_SLACK}all.{number}", magnitude(limit.interval), along=False)
+        for number, limit in enumerate([*limits, *boundary])
         if np.isfinite(limit.interval).any()
     ]
 

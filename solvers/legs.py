@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from solvers.elastic import place_in_document
 from solvers.flight import whole_flight
-from solvers.phases.problem import Link, Phase, begin_after, phased_problem
+from solvers.phases.problem import Link, Phase, PhasedProblem, begin_after, phased_problem
 from solvers.phases.trajectory import AnyTrajectory
 from solvers.problem import OptimalControlProblem
 from solvers.scenarios import formulate
@@ -39,10 +39,14 @@ class Leg:
 
 @dataclass(frozen=True)
 class Route:
-    """The legs of one plant, in their order; ``name``: that of the plant, empty where there is one."""
+    """The legs of one plant, in their order; ``name``: that of the plant, empty where there is one.
+
+    ``whole``: what counts over all legs, where these are phases.
+    """
 
     name: str
     legs: tuple[Leg, ...]
+    whole: PhasedProblem | None = None
 
 
 def routes(spec: ProblemSpec, answers: Sequence[AnyTrajectory]) -> Iterator[Route]:
@@ -51,7 +55,7 @@ def routes(spec: ProblemSpec, answers: Sequence[AnyTrajectory]) -> Iterator[Rout
         problem = phased_problem(spec)
         for answer in answers:
             triples = zip(problem.phases, (Link({}), *problem.links), answer.parts, strict=True)
-            yield Route("", tuple(_of_phase(*triple) for triple in triples))
+            yield Route("", tuple(_of_phase(*triple) for triple in triples), problem)
         return
     for plant, answer in zip(formulate(spec).plants, answers, strict=False):
         place = partial(place_in_document, spec)

@@ -280,18 +280,26 @@ class OptimalControlProblem:
         wanted = self.named_at_the_ends if wanted is None else wanted
         return {
             **self.end_scope(final, parameters, backend, wanted),
-            **self._named("_0", *initial[:2]),
+            **self.begin_scope(initial),
             **{item.name: value for item, value in zip(self.integrals, integrals, strict=True)},
-            "t0": initial[2],
         }
+
+    def begin_scope(self, begin: End) -> dict[str, Any]:
+        """Name what is known at the begin: states, controls, t0."""
+        x, u, t = begin
+        return {**self._named("_0", x, u), "t0": t}
 
     def end_scope(
         self, end: End, parameters: Parameters, backend: Backend, wanted: Collection[str]
     ) -> dict[str, Any]:
-        """Name what is known at the end: parameters, states, controls, tf, outputs if they are wanted."""
+        """Name what is known at the end: parameters, states, controls, tf; if they are wanted, outputs.
+
+        And what follows from unknown parameters, which is a definition.
+        """
         x, u, t = end
         scope = {**parameters, **self._named("_f", x, u), "tf": t}
         along = self.scope(x, u, t, parameters, backend)
+        scope |= {name: along[name] for name in self.definitions if name in wanted}
         for item in self.outputs:
             if f"{item.name}_f" in wanted:
                 scope[f"{item.name}_f"] = item.expression.evaluate(along, backend.functions)

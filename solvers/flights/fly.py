@@ -3,24 +3,23 @@
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
-import numpy as np
-
-from solvers.elastic import Wish, wishes_of
+from solvers.elastic import Wish, wishes_of, wishes_over_all
 from solvers.errors import OndeletteError
-from solvers.flights.block import Block, Flown
+from solvers.flights.chain import Plan, fly_plan
 from solvers.flights.commands import commands_of
 from solvers.flights.draws import Draws
-from solvers.flights.model import dispersed_problem
+from solvers.flights.flown import Flown
+from solvers.flights.model import dispersed
 from solvers.legs import routes, without_rates
+from solvers.phases.trajectory import AnyTrajectory
 from solvers.problem import OptimalControlProblem
 from solvers.progress import Progress, ProgressReport
 from solvers.scaling import automatic_scaling
 from solvers.spec import JobSpec
 from solvers.spec.flights import FlightsSpec
 from solvers.status import SolveStatus
-from solvers.trajectory import Trajectory
 
 # So many flights at once stay in the cache.
 _BLOCK = 1024
@@ -40,10 +39,12 @@ class _Watch:
 
     progress: Progress
     deadline: float
+    span: tuple[float, float]
     share: tuple[float, float]
 
-    def __call__(self, part: float, steps: int) -> None:
+    def __call__(self, t: float, steps: int) -> None:
         begin, end = self.share
+        part = (t - self.span[0]) / (self.span[1] - self.span[0])
         self.progress.report(ProgressReport("fly", steps, fraction=begin + part * (end - begin)))
         if self.progress.cancelled():
             raise FlightsStopped(SolveStatus.CANCELLED)
@@ -52,26 +53,37 @@ class _Watch:
 
 
 def fly(
-    spec: FlightsSpec, job: JobSpec, answer: Trajectory, draws: Draws, progress: Progress, deadline: float
+    spec: FlightsSpec, job: JobSpec, answer: AnyTrajectory, draws: Draws, progress: Progress, deadline: float
 ) -> list[Flown]:
     """Fly the answer to a job; every block has the undisturbed flight as its first.
 
     ``deadline`` is of ``time.monotonic()``. Raises FlightsStopped, and whatever the progress raises.
     """
-    problem = dispersed_problem(job.problem, [*draws.parameters])
-    actuators = [spec.actuator.get(name) for name in problem.controls]
-    lags = np.array([0.0 if item is None else item.lag for item in actuators])
-    (plant,) = routes(without_rates(job.problem), [answer])
-    delays = {name: item.delay for name, item in spec.actuator.items()}
-    commands = commands_of(plant.legs, spec.table(job), delays)
-    limits = _limits(plant.legs[0].problem, rates_of(job))
+    plan = _plan(spec, job, answer)
+    begin, end = plan.commands.start, plan.commands.end + (spec.coast or 0.0)
     firsts = range(0, spec.runs, _BLOCK)
     flown = []
     for number, first in enumerate(firsts):
-        watch = _Watch(progress, deadline, (number / len(firsts), (number + 1) / len(firsts)))
-        block = Block(problem, answer, commands, lags, draws.part(first, first + _BLOCK), limits)
-        flown.append(block.fly(spec.coast, watch, decay=spec.actuator_after == "decay"))
+        share = number / len(firsts), (number + 1) / len(firsts)
+        watch = _Watch(progress, deadline, (begin, end), share)
+        part = draws.part(first, first + _BLOCK)
+        flown.append(fly_plan(plan, part, spec.coast, watch, decay=spec.actuator_after == "decay"))
     return flown
+
+
+def _plan(spec: FlightsSpec, job: JobSpec, answer: AnyTrajectory) -> Plan:
+    """What is flown of an answer."""
+    (route,) = routes(without_rates(job.problem), [answer])
+    delays = {name: item.delay for name, item in spec.actuator.items()}
+    rates = rates_of(job)
+    return Plan(
+        job.problem,
+        replace(route, legs=tuple(dispersed(leg, [*spec.parameters]) for leg in route.legs)),
+        commands_of(route.legs, spec.table(job), delays),
+        {name: item.lag for name, item in spec.actuator.items()},
+        [_limits(leg.problem, rates) for leg in route.legs],
+        [] if route.whole is None else wishes_over_all(route.whole.totals, route.whole.boundary),
+    )
 
 
 def _limits(problem: OptimalControlProblem, rates: frozenset[str]) -> list[Wish]:
@@ -90,4 +102,5 @@ def _of_control(wish: Wish, problem: OptimalControlProblem) -> bool:
 
 def rates_of(job: JobSpec) -> frozenset[str]:
     """The rates of controls that expressions may name, which no table of commands has."""
-    return frozenset(f"{name}_dot" for name in job.problem.control_rates)
+    rated = [job.problem.control_rates, *(phase.control_rates for phase in job.problem.phases)]
+    return frozenset(f"{name}_dot" for names in rated for name in names)

@@ -14,31 +14,31 @@ from solvers.backends import NUMPY
 from solvers.dynamics import NodeScope
 from solvers.expressions import parse
 from solvers.genetic.model import ArrayModel
-from solvers.problem import OptimalControlProblem
+from solvers.legs import Leg
+from solvers.problem import End, OptimalControlProblem
 from solvers.quantities import FREE, DesignParameter
-from solvers.scenarios import NOMINAL, formulate
+from solvers.scenarios import NOMINAL
 from solvers.spec import ProblemSpec
 
 Vector = NDArray[np.float64]
 
 
-def dispersed_problem(spec: ProblemSpec, names: Collection[str]) -> OptimalControlProblem:
-    """The leading plant with the document's controls (not their rates), these parameters as unknown numbers.
+def dispersed(leg: Leg, names: Collection[str]) -> Leg:
+    """The leg whose model has these of its parameters as unknown numbers.
 
     They stand among the design parameters; what follows from them is a definition.
     """
-    plain = formulate(spec.changed(control_rates={})).plants[0]
-    problem = plain.problem
-    fixed = _own_parameters(spec, plain.name)
-    following = [name for name in spec.model.depending_on(names) if name not in {*names, *fixed}]
+    problem, model = leg.problem, leg.spec.model
+    fixed = _own_parameters(leg.spec, leg.name)
+    following = [name for name in model.depending_on(names) if name not in {*names, *fixed}]
     free = {name: problem.parameters[name] for name in names if name in problem.parameters}
-    return replace(
+    drawn = replace(
         problem,
         parameters={
             name: value for name, value in problem.parameters.items() if name not in {*free, *following}
         },
         definitions={
-            **{name: parse(spec.model.parameters[name]) for name in following},
+            **{name: parse(model.parameters[name]) for name in following},
             **problem.definitions,
         },
         design=(
@@ -46,6 +46,7 @@ def dispersed_problem(spec: ProblemSpec, names: Collection[str]) -> OptimalContr
             *(DesignParameter(name, FREE, value) for name, value in free.items()),
         ),
     )
+    return replace(leg, problem=drawn)
 
 
 def _own_parameters(spec: ProblemSpec, plant: str) -> Mapping[str, Any]:
@@ -71,7 +72,7 @@ class Fleet:
         self._kernel = Kernels(outputs, model.inputs).at(design.shape[1])
         self._kernel.inputs[self.states + len(problem.controls) : -2] = design
         parameters = {item.name: row for item, row in zip(problem.design, design, strict=True)}
-        self._parameters: dict[str, Any] = {**problem.parameters, **parameters}
+        self.parameters: dict[str, Any] = {**problem.parameters, **parameters}
 
     @property
     def size(self) -> int:
@@ -105,6 +106,22 @@ class Fleet:
         felt[:] = commands[:, None]
         felt[self._lagging] = states[self.states : self.states + self._lagging.size]
 
+    def begin(self, states: Vector, felt: Mapping[str, Vector]) -> Vector:
+        """All states of flights that begin in ``states`` (n, P), with what actuators give (P,), else zero."""
+        everything = np.zeros((self.size, states.shape[1]))
+        everything[: self.states] = states
+        for row, name in enumerate(self._names, self.states):
+            everything[row] = felt.get(name, 0.0)
+        return everything
+
+    def given(self, states: Vector) -> dict[str, Vector]:
+        """What lagging actuators give (P,), by control."""
+        return {name: states[row].copy() for row, name in enumerate(self._names, self.states)}
+
+    @property
+    def _names(self) -> list[str]:
+        return [self.problem.controls[index] for index in self._lagging]
+
     def switch_off(self, states: Vector) -> None:
         """Set what lagging actuators give to zero."""
         states[self.states : self.states + self._lagging.size] = 0.0
@@ -116,13 +133,8 @@ class Fleet:
     def scope(self, states: Vector, controls: Vector, t: float) -> NodeScope:
         """The names of an instant, with values (P,)."""
         times = np.full(states.shape[1], t)
-        return self.problem.scope(states[: self.states], controls, times, self._parameters, NUMPY)
+        return self.problem.scope(states[: self.states], controls, times, self.parameters, NUMPY)
 
-    def ends_scope(
-        self,
-        initial: tuple[Vector, Vector, float],
-        final: tuple[Vector, Vector, float],
-        integrals: Sequence[Vector] | Vector,
-    ) -> dict[str, Any]:
+    def ends_scope(self, initial: End, final: End, integrals: Sequence[Vector]) -> dict[str, Any]:
         """The names of both ends (states, controls, time), with values (P,)."""
-        return self.problem.ends_scope(initial, final, self._parameters, NUMPY, integrals)
+        return self.problem.ends_scope(initial, final, self.parameters, NUMPY, integrals)

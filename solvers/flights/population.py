@@ -36,9 +36,17 @@ class Population:
     The error of a step stays below ``rtol`` of ``sizes`` (n,), or of the state itself where that is larger.
     """
 
-    def __init__(self, states: Vector, sizes: Vector, rtol: float, begin: Begin, rate: Rate) -> None:
+    def __init__(
+        self,
+        states: Vector,
+        sizes: Vector,
+        rtol: float,
+        begin: Begin,
+        rate: Rate,
+        lost: NDArray[np.bool_] | None = None,
+    ) -> None:
         self.states = np.array(states, np.float64)
-        self.lost = np.zeros(states.shape[1], bool)
+        self.lost = np.zeros(states.shape[1], bool) if lost is None else lost.copy()
         self.steps = 0
         self._begin, self._rate = begin, rate
         self._rtol, self._sizes = rtol, sizes[:, None]

@@ -11,17 +11,17 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from solvers.elastic import Wish, place_in_document
 from solvers.expressions import parse
 from solvers.flight import INTEGRATOR, FlightError
-from solvers.flights.block import RTOL, Flown
+from solvers.flights.block import RTOL
 from solvers.flights.draws import Draws, draw
+from solvers.flights.flown import Flown
 from solvers.flights.fly import fly, rates_of
+from solvers.phases.trajectory import trajectory_of
 from solvers.progress import Progress, SilentProgress
 from solvers.solution import finite, provenance
 from solvers.spec import JobSpec, check_document
 from solvers.spec.flights import FlightsSpec
-from solvers.trajectory import Trajectory
 
 Vector = NDArray[np.float64]
 
@@ -42,7 +42,7 @@ def run_flights(
     began, deadline = time.perf_counter(), time.monotonic() + min(seconds, spec.max_seconds)
     job = check_document(answered["resolved"]["document"])
     draws = draw(spec)
-    blocks = fly(spec, job, Trajectory.from_result(answered), draws, progress or SilentProgress(), deadline)
+    blocks = fly(spec, job, trajectory_of(answered), draws, progress or SilentProgress(), deadline)
     if blocks[0].lost[0]:
         raise FlightError("the undisturbed flight does not come to its end")
     return Flights(spec, job, draws, blocks, time.perf_counter() - began)
@@ -75,7 +75,8 @@ class Quantity:
 class Limit:
     """A limit of the document: by how much the flights miss it, of which ``tolerance`` counts for nothing."""
 
-    wish: Wish
+    pointer: str
+    name: str
     tolerance: float
     missed: Quantity
 
@@ -178,7 +179,8 @@ class Flights:
     def _limits(self) -> list[Limit]:
         return [
             Limit(
-                missed.limit,
+                missed.pointer,
+                missed.name,
                 self.spec.tolerance * missed.scale,
                 self._quantity([block.missed[index].excess for block in self.blocks]),
             )
@@ -193,7 +195,7 @@ class Flights:
         farthest.
         """
         if self._limits:
-            return {self._pointer(limit): limit.missed.runs / limit.tolerance for limit in self._limits}
+            return {limit.pointer: limit.missed.runs / limit.tolerance for limit in self._limits}
         off = {name: np.abs(end.runs - end.nominal) for name, end in self._final.items()}
         return {
             name: row / (np.max(row, where=np.isfinite(row), initial=0.0) or 1.0) for name, row in off.items()
@@ -221,15 +223,12 @@ class Flights:
 
     def _violation(self, limit: Limit) -> dict[str, Any]:
         return {
-            "pointer": self._pointer(limit),
-            "name": limit.wish.limit.name,
+            "pointer": limit.pointer,
+            "name": limit.name,
             "tolerance": limit.tolerance,
             "rate": limit.rate,
             **limit.missed.told(),
         }
-
-    def _pointer(self, limit: Limit) -> str:
-        return place_in_document(self.job.problem, limit.wish.limit.pointer)
 
     def _columns(self) -> dict[str, Vector]:
         """One value for each run (P,), by column."""
@@ -244,7 +243,7 @@ class Flights:
             (self._residual, "_residual"),
         )
         found |= {f"{name}{end}": item.runs for group, end in groups for name, item in group.items()}
-        return found | {self._pointer(limit): limit.missed.runs for limit in self._limits}
+        return found | {limit.pointer: limit.missed.runs for limit in self._limits}
 
     def _message(self) -> str:
         lost = int(self._lost.sum())
@@ -252,18 +251,18 @@ class Flights:
         if lost:
             parts.append(f"{lost:,} could not be followed to their end")
         parts += [
-            f"{100.0 * limit.rate:.3g} % violate {self._pointer(limit)}"
-            for limit in self._limits
-            if limit.rate
+            f"{100.0 * limit.rate:.3g} % violate {limit.pointer}" for limit in self._limits if limit.rate
         ]
         return "; ".join(parts) + "."
 
     def _warnings(self) -> list[dict[str, str]]:
         problem, rates = self.job.problem, rates_of(self.job)
         detail = "It names the rate of a control, which no command has: it was not looked at."
+        phases = [(f"/problem/phases/{index}", phase) for index, phase in enumerate(problem.phases)]
         return [
-            {"code": "not_flown", "pointer": f"/problem/{key}/{index}", "detail": detail}
+            {"code": "not_flown", "pointer": f"{place}/{key}/{index}", "detail": detail}
+            for place, part in [("/problem", problem), *phases]
             for key in ("path_constraints", "outputs")
-            for index, item in enumerate(getattr(problem, key))
+            for index, item in enumerate(getattr(part, key))
             if not parse(item.expression).names.isdisjoint(rates)
         ]

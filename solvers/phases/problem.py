@@ -146,21 +146,18 @@ class PhasedProblem:
 
         ``parameters``: those of the flight, and those of its last phase.
         """
-        first, last = self.phases[0].problem, self.phases[-1].problem
-        wanted = names_of(self.at_the_ends)
+        first, last = self.phases[0].plant.problem, self.phases[-1].plant.problem
         return {
-            **dict(
-                zip(
-                    (f"{name}_0" for name in (*first.states, *first.controls)),
-                    (*initial[0], *initial[1]),
-                    strict=True,
-                )
-            ),
-            **last.end_scope(final, parameters[1], backend, wanted),
+            **last.end_scope(_of(last, final), parameters[1], backend, names_of(self.at_the_ends)),
+            **first.begin_scope(_of(first, initial)),
             **dict(zip((item.name for item in self.totals), totals, strict=True)),
             **parameters[0],
-            "t0": initial[2],
         }
+
+
+def _of(problem: OptimalControlProblem, end: End) -> End:
+    """The controls of the document at an end; behind them may be what was added to solve it."""
+    return end[0], end[1][: len(problem.controls)], end[2]
 
 
 def meet_when_given(before: OptimalControlProblem, after: OptimalControlProblem) -> bool:

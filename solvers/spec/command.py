@@ -37,9 +37,10 @@ class QuantumTable(Check):
     def check(self, value: Any, scope: Scope) -> dict[str, float]:
         """Return the steps as numbers."""
         table, flaws, found = object_of(value), Flaws(), dict[str, float]()
-        controls = flown_names(flown_scopes(scope), "controls") if table else None
+        scopes = flown_scopes(scope) if table else []
+        controls, known = flown_names(scopes, "controls"), all(own.known for own in scopes)
         for name, entry in table.items():
-            if controls is not None and name not in controls:
+            if known and name not in controls:
                 flaws.add(unknown_key(name, "control", controls, scope), name)
                 continue
             number = check_constant(entry, scope, flaws, name)

@@ -21,7 +21,9 @@ from solvers.spec.faults import MAX_FAULTS, Flaws, kind_of
 from solvers.spec.fields import VALUE_SCHEMA, Check, Choice, Count, Real, Text
 from solvers.spec.job import JobSpec, TagList
 from solvers.spec.methods import PiecewiseMethod
-from solvers.spec.models import LibraryReference
+from solvers.spec.models import LibraryReference, written_out
+from solvers.spec.phase_merge import fields_of, phase_views
+from solvers.spec.phases import flown_names, flown_scopes
 from solvers.spec.scope import Scope, read_scope
 from solvers.spec.tables import object_of, unknown_key
 from solvers.spec.translate import nested, translate
@@ -51,8 +53,9 @@ class DistributionTable(Check):
         self._what = what
 
     def check(self, value: Any, scope: Scope) -> dict[str, Distribution]:
-        """Return the distributions by name."""
-        names = scope.parameter_names if self._what == "parameter" else scope.states
+        """Return the distributions by name: of parameters of any phase, of states of the first one."""
+        scopes = flown_scopes(scope)
+        names = flown_names(scopes, "parameter_names") if self._what == "parameter" else scopes[0].states
         table, flaws, found = object_of(value), Flaws(), dict[str, Distribution]()
         for name, entry in table.items():
             if name not in names:
@@ -122,9 +125,10 @@ class ActuatorTable(Check):
     def check(self, value: Any, scope: Scope) -> dict[str, ActuatorSpec]:
         """Return the actuators by control."""
         table, flaws, found = object_of(value), Flaws(), dict[str, ActuatorSpec]()
+        controls = flown_names(flown_scopes(scope), "controls")
         for name, entry in table.items():
-            if name not in scope.controls:
-                flaws.add(unknown_key(name, "control", scope.controls, scope), name)
+            if name not in controls:
+                flaws.add(unknown_key(name, "control", controls, scope), name)
                 continue
             own = Flaws()
             actuator = nested(ActuatorSpec, entry, scope, own)
@@ -224,8 +228,10 @@ def check_flights(document: object, answered: Mapping[str, Any]) -> FlightsSpec:
 
 def _built_in(spec: FlightsSpec, job: JobSpec) -> Iterator[Fault]:
     """The drawn parameters of which data tables are made: their numbers are the same for all flights."""
+    views = phase_views(fields_of(job.problem))
+    models = [written_out(view.model) for view in views] or [job.problem.model]
     for name in spec.parameters:
-        changing = {name, *job.problem.model.depending_on([name])}
+        changing = {name}.union(*(model.depending_on([name]) for model in models))
         for table, item in job.problem.tables().items():
             if not item.names.isdisjoint(changing):
                 detail = f"unsupported: the data table {quoted(table)} is made of it"
@@ -236,9 +242,10 @@ def _not_flown(job: JobSpec) -> str | None:
     """Why answers to a job are not flown so, None where they are."""
     if isinstance(job.method, PiecewiseMethod):
         return "unsupported: flights of a mission in segments, whose control follows its plant"
-    model = job.problem.submitted_model
-    if isinstance(model, LibraryReference) and LIBRARY[model.name].computed:
-        return f"unsupported: flights of the library model {quoted(model.name)}, which computes by tables"
+    models = [job.problem.submitted_model, *(phase.submitted_model for phase in job.problem.phases)]
+    for model in models:
+        if isinstance(model, LibraryReference) and LIBRARY[model.name].computed:
+            return f"unsupported: flights of the library model {quoted(model.name)}, which computes by tables"
     return None
 
 

@@ -177,10 +177,8 @@ def flown_scopes(scope: Scope) -> list[Scope]:
     return [phase_scope(scope, view) for view in phase_views(scope.problem)[:MAX_PHASES]] or [scope]
 
 
-def flown_names(scopes: Sequence[Scope], kind: Literal["controls", "parameter_names"]) -> list[str] | None:
-    """Return the controls or the parameters that any phase has; None where a model could not be read."""
-    if not all(own.known for own in scopes):
-        return None
+def flown_names(scopes: Sequence[Scope], kind: Literal["controls", "parameter_names"]) -> list[str]:
+    """Return the controls or the parameters that any phase has."""
     return list(dict.fromkeys(name for own in scopes for name in getattr(own, kind)))
 
 

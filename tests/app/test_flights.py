@@ -10,7 +10,10 @@ import httpx
 import pytest
 
 from solvers.catalogue import load_case
+from solvers.solve import solve
+from solvers.spec import check_document
 from tests.problems import problem
+from tests.solvers.phases.test_phases import SLIDE_AND_ROLL
 from worker.queue import JobQueue
 from worker.records import JobStatus
 from worker.store import JobStore, compress
@@ -62,6 +65,16 @@ def test_mistakes_are_told_by_pointer(client: httpx.Client, source: str) -> None
         "invalid-document",
     )
     assert members["errors"][0]["pointer"] == "/runs"
+
+
+def test_phases_are_flown_by_the_names_of_all_of_them(client: httpx.Client, job: Callable[..., str]) -> None:
+    result = solve(check_document(SLIDE_AND_ROLL)).result()
+    packed = compress(json.dumps(result).encode())
+    place = f"/v1/jobs/{job(JobStatus.SUCCEEDED, packed)}/flights"
+    assert client.post(place, json={"actuator": {"F": {"lag": 0.1}}}).status_code == 202
+    asked = {"initial_state": {"y": {"values": [0]}}, "actuator": {"f": {"lag": 0.1}}}
+    members = problem(client.post(place, json=asked), 422, "invalid-document")
+    assert {item["pointer"] for item in members["errors"]} == {"/initial_state/y", "/actuator/f"}
 
 
 def test_only_an_answer_can_be_flown(

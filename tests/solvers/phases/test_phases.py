@@ -323,6 +323,27 @@ def test_what_counts_over_the_whole_flight() -> None:
     assert result["verification"]["objective"] == pytest.approx(8.5, abs=1e-7)
 
 
+def test_slacks_of_a_phase_are_its_own_affair() -> None:
+    """Fuel |u| from 0 by way of 0.3 at half time back to 0: 0.6, whatever else counts over the flight."""
+    document = {
+        "problem": {
+            "model": INTEGRATOR,
+            "final_time": 1,
+            "initial_state": {"x": 0},
+            "final_state": {"x": 0},
+            "bounds": {"u": [-1, 1]},
+            "boundary_constraints": [{"expression": "x_0 + x_f + u_0", "bounds": [-1, 1]}],
+            "objective": {"running": "abs(u)", "terminal": "x_f"},
+            "phases": [{"name": "there", "final_time": 0.5, "final_state": {"x": 0.3}}, {"name": "back"}],
+        },
+        "method": {"name": "hermite_simpson", "intervals": 8},
+    }
+    result = result_of(document)
+    assert result["success"], result["message"]
+    assert result["objective"] == pytest.approx(0.6, abs=1e-6)
+    assert result["verification"]["objective"] == pytest.approx(0.6, abs=1e-6)
+
+
 def test_more_nodes_converge_spectrally() -> None:
     """The regulator whose state drops by 0.3 at a free time: closed forms on both sides of the jump."""
     document = copy.deepcopy(REGULATOR)
