@@ -1,50 +1,57 @@
-"""What becomes of a first answer: its mesh adapted, its structure found, as the method asks."""
+"""From a first answer to the last one: its mesh adapted, its structure found, as the method asks."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, Generic
 
-from solvers.meshes import adaptive_mesh_of
-from solvers.problem import OptimalControlProblem
+from solvers.first_answer import first_answers
+from solvers.meshes import adaptive_mesh_of, meshes_of
+from solvers.phases.trajectory import AnyTrajectory
 from solvers.refine.adaptive import Adapted, adapt
 from solvers.refine.extremals import Extremal, other_extremals
 from solvers.refine.residual import mesh_error_estimate
 from solvers.refine.switching import Refinement, is_refinable, refine_switching, resume_switching
-from solvers.session import Session, Solved
+from solvers.session import Ended, Session, Solved, Solving
 from solvers.spec import (
     Adaptivity,
     AutoMethod,
     HermiteSimpsonMethod,
+    JobSpec,
     Method,
     SplineAdaptivity,
     SplineWaveletMethod,
 )
+from solvers.status import SolveStatus
 from solvers.switching import find_switching
-from solvers.trajectory import Trajectory
 from solvers.verification import Verification
 
 # The highest level to which the automatic choice refines: 500,000 intervals where they are needed.
 _AUTOMATIC_LEVEL = 16
 _SECOND_CHOICE_INTERVALS = 40
+_FIRST_SPAN = 0.5
+# After so many iterations another method is tried, where there is one: the cases take a tenth of them.
+_FIRST_ITERATIONS = 300
 
 
 @dataclass(frozen=True)
-class Improved:
+class Improved(Generic[Ended]):
     """An answer and how it was reached: on an adapted mesh, with a refined structure, or as it was."""
 
-    solved: Solved
-    adapted: Adapted | None = None
+    solved: Ended
+    adapted: Adapted[Ended] | None = None
     adaptivity: Adaptivity | None = None
-    refinement: Refinement | None = None
+    refinement: Refinement[Ended] | None = None
 
     @property
     def summary(self) -> Mapping[str, Any]:
         """What was done, for the ``method`` of the result."""
         done: dict[str, Any] = {}
         if self.adapted is not None and self.adaptivity is not None:
-            done["adaptive"] = {**self.adaptivity.model_dump(), **self.adapted.mesh.summary}
+            meshes = [dict(mesh.summary) for mesh in self.adapted.meshes]
+            found = meshes[0] if len(meshes) == 1 else {"phases": meshes}
+            done["adaptive"] = {**self.adaptivity.model_dump(), **found}
         if self.refinement is not None:
             done |= self.refinement.summary
         return done
@@ -63,17 +70,22 @@ class Improved:
             ]
         return found
 
-    def mesh_error(self, problem: OptimalControlProblem) -> float | None:
-        """The largest relative error of a state on an arc, which a refined answer was already judged by."""
+    @property
+    def mesh_errors(self) -> list[float | None]:
+        """The largest relative error of a state on an arc, by part; a refined answer was judged by it."""
         if self.refinement is not None and self.refinement.refined is not None:
-            return self.refinement.refined.error
-        return mesh_error_estimate(problem, self.solved.trajectory)
+            return [part.error for part in self.refinement.refined.parts]
+        return [
+            mesh_error_estimate(part.transcription.problem, part.trajectory) for part in self.solved.parts
+        ]
 
-    def switching(self, problem: OptimalControlProblem) -> dict[str, Any]:
-        """The ``switching`` of the result."""
-        if self.refinement is None:
-            return find_switching(problem, self.solved.trajectory)
-        return self.refinement.switching(problem)
+    @property
+    def switching(self) -> list[dict[str, Any]]:
+        """The ``switching`` of the result, by part."""
+        if self.refinement is not None and self.refinement.refined is not None:
+            parts = self.refinement.refined.parts
+            return [part.structure.switching(part.problem, part.solved.trajectory) for part in parts]
+        return [find_switching(part.transcription.problem, part.trajectory) for part in self.solved.parts]
 
     def certified(self, verification: Verification) -> Verification:
         """The verification with what else a refined answer must show."""
@@ -93,12 +105,38 @@ def first_methods(method: Method) -> Sequence[Method]:
     return [method]
 
 
-def wants_more(method: Method) -> bool:
-    """Whether a first answer is not the last one."""
-    return isinstance(method, AutoMethod) or method.adaptivity is not None or method.refinement is not None
+def first_span(method: Method) -> float:
+    """The part of all work that a first answer is taken to be: all of it where it is the last one."""
+    more = isinstance(method, AutoMethod) or method.adaptivity is not None or method.refinement is not None
+    return _FIRST_SPAN if more else 1.0
 
 
-def resume(session: Session, method: Method, earlier: Trajectory | None) -> Improved | None:
+def answers_of(
+    session: Solving[Ended],
+    spec: JobSpec,
+    earlier: AnyTrajectory | None,
+    span: float,
+    *,
+    asks_why: bool = True,
+) -> tuple[Method, list[Ended]]:
+    """The first answers, best first, and the method that they are by; see :func:`first_answers`.
+
+    Another method is tried where the choice is left to the solver and the first one comes to no end. Raises
+    whatever the progress of the session raises.
+    """
+    methods, limit = first_methods(spec.method), session.max_iterations
+    for method in methods:
+        session.max_iterations = limit if method is methods[-1] else min(limit, _FIRST_ITERATIONS)
+        answers = first_answers(
+            session, meshes_of(method), spec.options.starts, earlier, span, asks_why=asks_why
+        )
+        if answers[0].outcome.status not in (SolveStatus.ITERATION_LIMIT, SolveStatus.DIVERGED):
+            break
+    session.max_iterations = limit
+    return method, answers
+
+
+def resume(session: Solving[Ended], method: Method, earlier: AnyTrajectory | None) -> Improved[Ended] | None:
     """The answer that the structure of an earlier one leads to, where the method asks for a structure.
 
     None where none is asked for or it leads to none. Raises whatever the progress of the session raises.
@@ -109,7 +147,9 @@ def resume(session: Session, method: Method, earlier: Trajectory | None) -> Impr
     return None if refinement is None else Improved(refinement.solved, refinement=refinement)
 
 
-def improve(session: Session, method: Method, used: Method, first: Solved, span: float) -> Improved:
+def improve(
+    session: Solving[Ended], method: Method, used: Method, first: Ended, span: float
+) -> Improved[Ended]:
     """Improve a first answer by the method ``used``, ``span`` of all work, as ``method`` asks.
 
     Raises whatever the progress of the session raises.
@@ -120,17 +160,16 @@ def improve(session: Session, method: Method, used: Method, first: Solved, span:
         return _automatically(session, method, used, first, span)
     improved = Improved(first)
     if method.adaptivity is not None:
-        adapted = adapt(
-            session, adaptive_mesh_of(method, session.problem), method.adaptivity.tolerance, first, span
-        )
-        improved = Improved(adapted.solved, adapted, method.adaptivity)
+        improved = _adapted(session, method, method.adaptivity, first, span)
     if method.refinement is not None and improved.solved.converged:
         refinement = refine_switching(session, improved.solved)
         improved = replace(improved, solved=refinement.solved, refinement=refinement)
     return improved
 
 
-def other_structures(session: Session, improved: Improved, count: int) -> tuple[Improved, list[Extremal]]:
+def other_structures(
+    session: Session, improved: Improved[Solved], count: int
+) -> tuple[Improved[Solved], list[Extremal]]:
     """What else ``count`` starts find for a refined answer, and the answer, or a better one among these.
 
     Raises whatever the progress of the session raises.
@@ -138,7 +177,8 @@ def other_structures(session: Session, improved: Improved, count: int) -> tuple[
     refinement = improved.refinement
     if refinement is None or refinement.refined is None or not count:
         return improved, []
-    extremals = other_extremals(session, refinement.refined, count)
+    (refined,) = refinement.refined.parts
+    extremals = other_extremals(session, refined, count)
     better = next((item for item in extremals if item.obeys_signs), None)
     if better is not None and better.objective < improved.solved.objective:
         found = resume_switching(session, better.found.solved.trajectory)
@@ -147,17 +187,24 @@ def other_structures(session: Session, improved: Improved, count: int) -> tuple[
     return improved, extremals
 
 
+def _adapted(
+    session: Solving[Ended], method: Method, adaptivity: Adaptivity, first: Ended, span: float
+) -> Improved[Ended]:
+    """A first answer on adapted meshes of a method."""
+    meshes = [adaptive_mesh_of(method, part.problem) for part in session.parts]
+    adapted = adapt(session, meshes, adaptivity.tolerance, first, span)
+    return Improved(adapted.solved, adapted, adaptivity)
+
+
 def _automatically(
-    session: Session, method: AutoMethod, used: Method, first: Solved, span: float
-) -> Improved:
+    session: Solving[Ended], method: AutoMethod, used: Method, first: Ended, span: float
+) -> Improved[Ended]:
     """The structure first, which is exact and cheap; an adapted mesh where it is not found."""
-    if is_refinable(session.problem):
+    if is_refinable(session.parts):
         refinement = refine_switching(session, first)
         if refinement.refined is not None or refinement.solved.stopped:
             return Improved(refinement.solved, refinement=refinement)
     adaptivity = Adaptivity(tolerance=method.accuracy)
     if isinstance(used, SplineWaveletMethod):
         adaptivity = SplineAdaptivity(tolerance=method.accuracy, max_level=_AUTOMATIC_LEVEL)
-    mesh = adaptive_mesh_of(used.model_copy(update={"adaptive": adaptivity}), session.problem)
-    adapted = adapt(session, mesh, method.accuracy, first, span)
-    return Improved(adapted.solved, adapted, adaptivity)
+    return _adapted(session, used.model_copy(update={"adaptive": adaptivity}), adaptivity, first, span)

@@ -29,7 +29,7 @@ from solvers.guess import WHOLE, Guess, Start, WarmStart
 from solvers.problem import OptimalControlProblem
 from solvers.quantities import FREE
 from solvers.scaling import Scaling
-from solvers.session import Session
+from solvers.session import Account, Part
 from solvers.transcription.spline_wavelet import SplineWavelet
 
 Vector = NDArray[np.float64]
@@ -75,31 +75,30 @@ class CubicStart:
         return self.guess.controls_at(tau)
 
 
-def minimum_energy_start(session: Session) -> Start | None:
+def minimum_energy_start(account: Account, part: Part) -> Start | None:
     """A trajectory of least control energy, to start from where the final time is free.
 
     None where the document says how states or controls go, where no control is bounded on both sides (then
     the straight line does as well), and where the trajectory is not found in a few iterations.
     """
-    problem = session.problem
+    problem = part.problem
     bounded = any(np.isfinite(bounds).all() for bounds in problem.control_bounds)
     free = problem.final_time[0] < problem.final_time[1]
     if not (problem.guess.default and bounded and free):
         return None
     if problem.dynamics.coordinates:
         return CubicStart(problem.guess, problem.dynamics.coordinates)
-    easier = _minimum_energy(problem, session.scaling)
-    rough = replace(
-        session,
-        problem=easier,
+    easier = _minimum_energy(problem, part.scaling)
+    rough = account.aside(
+        replace(part, problem=easier),
         tolerance=_TOLERANCE,
         max_iterations=_ITERATIONS,
         convergence=[],
         iterations=0,
     )
     knots = GradedKnots.uniform(_LENGTH, _LEVEL)
-    solved = rough.solve(SplineWavelet(easier, session.scaling, easier.guess, knots), "start", (0.0, 0.0))
-    session.iterations += rough.iterations
+    solved = rough.solve(SplineWavelet(easier, part.scaling, easier.guess, knots), "start", (0.0, 0.0))
+    account.iterations += rough.iterations
     if not solved.converged:
         return None
     return WarmStart(solved.trajectory, problem.guess, problem.states, problem.controls)

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Hashable
-from dataclasses import dataclass, field
+from abc import abstractmethod
+from collections.abc import Hashable, Sequence
+from dataclasses import dataclass, field, fields
 from typing import Any, Generic, Protocol, TypeVar
 
 import numpy as np
@@ -57,6 +58,11 @@ class Stand(Generic[Made, Found]):
         """The objective of the document on this mesh."""
         return self.outcome.objective * self.transcription.objective_scale
 
+    @property
+    @abstractmethod
+    def parts(self) -> Sequence[Solved]:
+        """What came of each phase, with the outcome of the whole; all of it where there are no phases."""
+
 
 @dataclass(frozen=True)
 class Solved(Stand[Transcription, Trajectory]):
@@ -66,6 +72,11 @@ class Solved(Stand[Transcription, Trajectory]):
     def weighted_problem(self) -> OptimalControlProblem:
         """The problem with its integrals, times their multipliers, in the running cost."""
         return self.transcription.weighted_problem(self.outcome.row_multipliers)
+
+    @property
+    def parts(self) -> Sequence[Solved]:
+        """See :class:`Stand`."""
+        return (self,)
 
 
 class Optimisable(Protocol):
@@ -159,6 +170,11 @@ class Account:
         self.seconds["solve"] += outcome.seconds
         return outcome
 
+    def aside(self, part: Part, **changes: Any) -> Session:
+        """What solves one part alone on this account, but for the ``changes``."""
+        own = {item.name: getattr(self, item.name) for item in fields(Account)}
+        return Session(**{**own, **changes}, problem=part.problem, scaling=part.scaling)
+
     def note(self, nodes: int, stage: str, outcome: Outcome, scale: float) -> None:
         """Take note of a mesh that was solved; ``scale``: that of its objective."""
         before = self.iterations - outcome.iterations
@@ -195,12 +211,93 @@ class Account:
         )
 
 
-@dataclass(kw_only=True)
-class Session(Account):
-    """Solves a problem on mesh after mesh within the limits of one document."""
+@dataclass(frozen=True)
+class Part:
+    """A problem with its scales: that of a phase, or all there is where there are none."""
 
     problem: OptimalControlProblem
     scaling: Scaling
+
+
+Ended = TypeVar("Ended", bound=Stand[Any, Any])
+
+
+@dataclass(kw_only=True)
+class Solving(Account, Generic[Ended]):
+    """Solves parts that belong together on mesh after mesh within the limits of one document.
+
+    A problem without phases has one part. What is done with meshes and structures is done with those of each
+    part, and solved for all of them together.
+    """
+
+    @property
+    @abstractmethod
+    def parts(self) -> Sequence[Part]:
+        """The parts in their order."""
+
+    @property
+    @abstractmethod
+    def joints(self) -> int:
+        """The number of equations that join the parts."""
+
+    @abstractmethod
+    def pinned(self, index: int) -> Part:
+        """A part whose joints to other parts are where the guess has them."""
+
+    @abstractmethod
+    def carried(self, solved: Ended, index: int, error: Vector) -> Vector:
+        """The error (n,) with which a part begins after that at the end of the part before it."""
+
+    @abstractmethod
+    def solve_parts(
+        self,
+        transcriptions: Sequence[Transcription],
+        stage: str,
+        share: tuple[float, float] = (0.0, 1.0),
+        *,
+        warm: bool = False,
+        obeys: bool = False,
+    ) -> Ended:
+        """Solve all parts, each on its mesh; see :meth:`Account.optimise`."""
+
+
+@dataclass(kw_only=True)
+class Session(Solving[Solved]):
+    """Solves a problem without phases."""
+
+    problem: OptimalControlProblem
+    scaling: Scaling
+
+    @property
+    def parts(self) -> Sequence[Part]:
+        """See :class:`Solving`."""
+        return (Part(self.problem, self.scaling),)
+
+    @property
+    def joints(self) -> int:
+        """See :class:`Solving`."""
+        return 0
+
+    def pinned(self, index: int) -> Part:
+        """See :class:`Solving`."""
+        return self.parts[index]
+
+    def carried(self, solved: Solved, index: int, error: Vector) -> Vector:
+        """See :class:`Solving`; there is no part before another one."""
+        raise IndexError(index)
+
+    def solve_parts(
+        self,
+        transcriptions: Sequence[Transcription],
+        stage: str,
+        share: tuple[float, float] = (0.0, 1.0),
+        *,
+        warm: bool = False,
+        obeys: bool = False,
+    ) -> Solved:
+        """See :class:`Solving`."""
+        (transcription,) = transcriptions
+        return self.solve(transcription, stage, share, warm=warm, obeys=obeys)
 
     def solve(
         self,

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,7 +11,7 @@ from numpy.typing import NDArray
 from solvers.bases.legendre import legendre_gauss
 from solvers.genetic.basis import basis_of
 from solvers.mesh_points import gauss_mesh, interval_mesh, spline_mesh
-from solvers.phases.problem import PhasedProblem, meet_when_given, phased_problem
+from solvers.phases.problem import PhasedProblem, phased_problem
 from solvers.piecewise.driven import driven_states
 from solvers.piecewise.plan import Plan
 from solvers.problem import OptimalControlProblem
@@ -81,13 +80,7 @@ def _mesh_size(spec: JobSpec) -> ProblemSize:
 def _flight_size(problem: PhasedProblem, method: Method) -> ProblemSize:
     """The programs of all phases, and the rows that join them."""
     sizes = [_size_with(method, phase.problem) for phase in problem.phases]
-    meetings = pairwise(phase.problem for phase in problem.phases)
-    joints = sum(len(link.starts) for link in problem.links)
-    joints += sum(not meet_when_given(before, after) for before, after in meetings)
-    shared = [
-        sum(it.name == name for p in problem.phases for it in p.problem.design) for name in problem.design
-    ]
-    joints += sum(max(count - 1, 0) for count in shared) + len(problem.totals) + len(problem.boundary)
+    joints = problem.joints + len(problem.totals) + len(problem.boundary)
     return ProblemSize(
         sum(size.variables for size in sizes),
         sum(size.constraints for size in sizes) + joints,

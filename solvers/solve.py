@@ -10,9 +10,8 @@ from typing import Any
 from solvers.certificate import hamiltonian_drift
 from solvers.diagnosis import diagnose, sentence
 from solvers.errors import DocumentError, Fault
-from solvers.first_answer import first_answers
 from solvers.genetic.solve import solve_by_genes
-from solvers.improve import first_methods, improve, other_structures, resume, wants_more
+from solvers.improve import answers_of, first_methods, first_span, improve, other_structures, resume
 from solvers.judgement import judge, verified
 from solvers.meshes import meshes_of
 from solvers.model_report import model_report
@@ -27,16 +26,9 @@ from solvers.report import constraint_margins
 from solvers.scaling import automatic_scaling
 from solvers.scenarios import formulate
 from solvers.sensitivity import sensitivity
-from solvers.session import Session, Solved, start_report, statistics_of
+from solvers.session import Session, start_report, statistics_of
 from solvers.solution import PlantAnswer, Solution
-from solvers.spec import GeneticMethod, JobSpec, Method, PiecewiseMethod
-from solvers.status import SolveStatus
-from solvers.trajectory import Trajectory
-
-# The part of all work that a first answer is taken to be where more is asked for.
-_FIRST_SPAN = 0.5
-# After so many iterations another method is tried, where there is one: the cases take a tenth of them.
-_FIRST_ITERATIONS = 300
+from solvers.spec import GeneticMethod, JobSpec, PiecewiseMethod
 
 
 def solve(
@@ -75,11 +67,11 @@ def solve(
         session.seconds["total"] = time.perf_counter() - started
         return solution
     method = first_methods(spec.method)[0]
-    span = _FIRST_SPAN if wants_more(spec.method) else 1.0
+    span = first_span(spec.method)
     diagnosis: list[dict[str, Any]] = []
     improved = resume(session, spec.method, earlier)
     if improved is None:
-        method, answers = _first(session, spec, earlier, span)
+        method, answers = answers_of(session, spec, earlier, span)
         answers[0], diagnosis = diagnose(session, spec.problem, answers[0], meshes_of(method)[-1], span)
         improved = improve(session, spec.method, method, answers[0], span)
     else:
@@ -99,7 +91,7 @@ def solve(
     verification = replace(
         plants[0].verification,
         hamiltonian_drift=hamiltonian_drift(solved.weighted_problem, solved.trajectory, costates),
-        mesh_error_estimate=improved.mesh_error(problem),
+        mesh_error_estimate=improved.mesh_errors[0],
     )
     verification = improved.certified(verification)
     plants[0] = replace(plants[0], verification=verification)
@@ -124,7 +116,7 @@ def solve(
         verification=verification,
         model_report=model_report(leading.problem, trajectory),
         integrals=integrals,
-        switching=improved.switching(problem),
+        switching=improved.switching[0],
         constraints=constraint_margins(leading.problem, trajectory, integrals),
         sensitivity=slopes,
         convergence=session.convergence,
@@ -137,23 +129,6 @@ def solve(
         diagnosis=diagnosis,
         statistics=statistics_of(solved, session),
     )
-
-
-def _first(
-    session: Session, spec: JobSpec, earlier: Trajectory | None, span: float
-) -> tuple[Method, list[Solved]]:
-    """The first answers, best first, and the method that they are by.
-
-    Another method is tried where the choice is left to the solver and the first one comes to no end.
-    """
-    methods, limit = first_methods(spec.method), session.max_iterations
-    for method in methods:
-        session.max_iterations = limit if method is methods[-1] else min(limit, _FIRST_ITERATIONS)
-        answers = first_answers(session, meshes_of(method), spec.options.starts, earlier, span)
-        if answers[0].outcome.status not in (SolveStatus.ITERATION_LIMIT, SolveStatus.DIVERGED):
-            break
-    session.max_iterations = limit
-    return method, answers
 
 
 def _phased(spec: JobSpec, earlier: AnyTrajectory | None) -> PhasedTrajectory | None:

@@ -26,7 +26,7 @@ from solvers.model_report import model_report
 from solvers.refine.residual import mesh_error_estimate
 from solvers.report import constraint_margins
 from solvers.scenarios import Formulation, Plant
-from solvers.session import Session, statistics_of
+from solvers.session import Session, Solved, statistics_of
 from solvers.solution import PlantAnswer, Solution, Statistics
 from solvers.spec import AutoMethod, GeneticMethod, JobSpec, ProblemSpec
 from solvers.status import SolveStatus
@@ -60,7 +60,7 @@ class _Answer:
     objective: float
     integrals: Mapping[str, float]
     status: SolveStatus
-    improved: Improved | None = None
+    improved: Improved[Solved] | None = None
     costates: Vector | None = None
     """Known where gradients had the last word."""
     diagnosis: Sequence[Mapping[str, Any]] = ()
@@ -118,9 +118,7 @@ def solve_by_genes(
         verification=verification,
         model_report=model_report(leading.problem, trajectory),
         integrals=integrals,
-        switching=(
-            find_switching(problem, answer.trajectory) if improved is None else improved.switching(problem)
-        ),
+        switching=(find_switching(problem, answer.trajectory) if improved is None else improved.switching[0]),
         constraints=constraint_margins(leading.problem, trajectory, integrals),
         convergence=session.convergence,
         diagnosis=answer.diagnosis,
@@ -203,7 +201,7 @@ def _finished(
     return answer
 
 
-def _reached(improved: Improved) -> _Answer:
+def _reached(improved: Improved[Solved]) -> _Answer:
     solved = improved.solved
     return _Answer(
         solved.trajectory,
@@ -248,7 +246,7 @@ def _no_costates(trajectory: Trajectory) -> Vector:
     return np.full((len(trajectory.states), trajectory.nodes.size), np.nan)
 
 
-def _summary(method: GeneticMethod, improved: Improved | None) -> dict[str, Any]:
+def _summary(method: GeneticMethod, improved: Improved[Solved] | None) -> dict[str, Any]:
     """What collocation did."""
     if method.refine is None or improved is None:
         return {}
@@ -280,7 +278,7 @@ def _runs(search: Search) -> list[dict[str, Any]]:
     return reports
 
 
-def _statistics(session: Session, search: Search, improved: Improved | None) -> Statistics:
+def _statistics(session: Session, search: Search, improved: Improved[Solved] | None) -> Statistics:
     if improved is None:
         return Statistics(
             search.best.genome.size, 0, session.iterations, None, session.seconds, nlp_solver=None

@@ -27,8 +27,13 @@ def phase_times(
     if known[-1] is None:
         parameters = spec.model.parameter_values()
         given = spec.guess.final_time
+        # The last phase begins when the one before may have ended.
+        earlier = [*known[:-1], *(lower for lower, _ in stops[:-1])]
+        begin = max(value for value in earlier if value is not None)
         known[-1] = (
-            default_final_time(stops[-1], start) if given is None else evaluate_constant(given, parameters)
+            default_final_time((max(stops[-1][0], begin), stops[-1][1]), begin)
+            if given is None
+            else evaluate_constant(given, parameters)
         )
     fixed = {index: value for index, value in enumerate(known) if value is not None}
     ends = np.interp(np.arange(len(known)), [*fixed], [*fixed.values()])

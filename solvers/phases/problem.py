@@ -109,6 +109,16 @@ class PhasedProblem:
         return list(dict.fromkeys(name for phase in self.phases for name in phase.plant.problem.states))
 
     @property
+    def joints(self) -> int:
+        """The number of equations by which phases begin where others end, and share design parameters."""
+        problems = [phase.problem for phase in self.phases]
+        times = sum(not meet_when_given(before, after) for before, after in pairwise(problems))
+        owners = [sum(name == item.name for own in problems for item in own.design) for name in self.design]
+        return (
+            times + sum(len(link.starts) for link in self.links) + sum(max(count - 1, 0) for count in owners)
+        )
+
+    @property
     def warnings(self) -> list[dict[str, str]]:
         """Corners of the objective of a phase that no slack takes away, and of tables that no mesh meets."""
         found = [

@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 from solvers.certificate import hamiltonian_drift
 from solvers.errors import Fault
 from solvers.evaluation_fault import find_evaluation_fault
+from solvers.improve import Improved, answers_of, first_methods, first_span, improve, resume
 from solvers.judgement import flown_in_time, judged
-from solvers.meshes import meshes_of
 from solvers.model_report import model_report
 from solvers.optimizers.ipopt import Limits
 from solvers.phases.problem import PhasedProblem, phased_problem
@@ -25,13 +25,11 @@ from solvers.phases.switching import joined_switching
 from solvers.phases.trajectory import PhasedTrajectory
 from solvers.phases.verify import flight_scope, totals, verify_phases
 from solvers.progress import Progress
-from solvers.refine.residual import mesh_error_estimate
 from solvers.report import constraint_margins, margins_of, merged_margins, said_of_the_ends
 from solvers.scaling import automatic_scaling
 from solvers.sensitivity import Place, numbers_of, slopes
 from solvers.session import start_report, statistics_of
 from solvers.spec import JobSpec, ProblemSpec, Value
-from solvers.switching import find_switching
 from solvers.verification import Verification
 
 Vector = NDArray[np.float64]
@@ -52,8 +50,15 @@ def solve_phases(
         progress=progress,
     )
     session.seconds["build"] = time.perf_counter() - started
-    answers = session.first_answers(meshes_of(spec.method), spec.options.starts, earlier, 1.0)
-    solved = answers[0]
+    method = first_methods(spec.method)[0]
+    improved = resume(session, spec.method, earlier)
+    if improved is None:
+        span = first_span(spec.method)
+        method, answers = answers_of(session, spec, earlier, span, asks_why=False)
+        improved = improve(session, spec.method, method, answers[0], span)
+    else:
+        answers = [improved.solved]
+    solved = improved.solved
     answer = problem.plants(solved.trajectory)
     costates = [
         part.transcription.costates(part.trajectory, part.outcome.row_multipliers) for part in solved.parts
@@ -64,7 +69,7 @@ def solve_phases(
         solved.outcome.status,
         lambda limits, end: verify_phases(problem, answer, limits, end),
     )
-    verification = _certified(problem, solved, costates, verification)
+    verification = _certified(improved, costates, verification)
     status, message = judged(
         solved.outcome.status, [("", verification)], lambda: _evaluation_fault(problem, answer)
     )
@@ -90,50 +95,47 @@ def solve_phases(
         ],
         objective=solved.objective,
         status=status,
-        message=message,
-        method=spec.method.model_dump(exclude_none=True),
+        message=" ".join([message, *(item["detail"] for item in improved.warnings)]),
+        method={**method.model_dump(exclude_none=True), **improved.summary},
         verification=verification,
         model_report=_ends_of(reports),
         model_reports=reports,
         integrals=totals(integrals),
         integrals_by_phase=integrals,
         switching=joined_switching(
-            [
-                find_switching(phase.plant.problem, part)
-                for phase, part in zip(problem.phases, answer.parts, strict=True)
-            ],
+            improved.switching,
             [phase.plant.problem.controls for phase in problem.phases],
             answer.edges[1:].tolist(),
         ),
         constraints=_margins(problem, answer, verification.parts),
         sensitivity=sensitivity,
         convergence=session.convergence,
-        starts=[start_report(item, item.trajectory.tf, kept=item is solved) for item in answers],
-        warnings=problem.warnings,
+        starts=[start_report(item, item.trajectory.tf, kept=item is answers[0]) for item in answers],
+        warnings=[*problem.warnings, *improved.warnings],
         statistics=statistics_of(solved, session),
     )
 
 
 def _certified(
-    problem: PhasedProblem, solved: PhasedSolved, costates: Sequence[Vector], verification: Verification
+    improved: Improved[PhasedSolved], costates: Sequence[Vector], verification: Verification
 ) -> Verification:
     """The verification with the Hamiltonian of every phase and the errors of its mesh, worst first."""
-    drifts, errors = [], []
-    for part, own in zip(solved.parts, costates, strict=True):
-        drifts.append(hamiltonian_drift(part.weighted_problem, part.trajectory, own))
-        errors.append(mesh_error_estimate(part.transcription.problem, part.trajectory))
+    pairs = list(zip(improved.solved.parts, costates, strict=True))
+    drifts = [hamiltonian_drift(part.weighted_problem, part.trajectory, own) for part, own in pairs]
+    errors = improved.mesh_errors
     parts = tuple(
         replace(part, hamiltonian_drift=drift, mesh_error_estimate=error)
         for part, drift, error in zip(verification.parts, drifts, errors, strict=True)
     )
     known = [drift for drift in drifts if drift is not None]
     estimates = [error for error in errors if error is not None]
-    return replace(
+    whole = replace(
         verification,
         parts=parts,
         hamiltonian_drift=max(known, default=None),
         mesh_error_estimate=max(estimates) if len(estimates) == len(errors) else None,
     )
+    return improved.certified(whole)
 
 
 def _evaluation_fault(problem: PhasedProblem, answer: PhasedTrajectory) -> Fault | None:

@@ -11,9 +11,9 @@ What a mesh is made of, and where it is refined, is each method's own: :mod:`sol
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any, Generic, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,12 +21,12 @@ from numpy.typing import NDArray
 from solvers.guess import Start
 from solvers.problem import OptimalControlProblem
 from solvers.refine.adaptive_optimality import suboptimality
-from solvers.refine.residual import arc_errors, flight_error
+from solvers.refine.residual import ArcErrors, arc_errors, flight_errors
 from solvers.scaling import Scaling
-from solvers.session import Session, Solved
+from solvers.session import Ended, Solved, Solving, Stand
 from solvers.trajectory import Trajectory
 from solvers.transcription.base import Transcription
-from solvers.violations import SMALLEST_SCALE
+from solvers.violations import SMALLEST_SCALE, scale_of
 
 Vector = NDArray[np.float64]
 
@@ -75,37 +75,48 @@ class AdaptiveMesh(Protocol):
 
 
 @dataclass(frozen=True)
-class Adapted:
-    """The answer on the last or the best mesh; ``reason``: why the tolerance was not reached, or None."""
+class Adapted(Generic[Ended]):
+    """The answer on the last or the best meshes; ``reason``: why the tolerance was not reached, or None."""
 
-    solved: Solved
-    mesh: AdaptiveMesh
+    solved: Ended
+    meshes: Sequence[AdaptiveMesh]
     reason: str | None
 
 
 @dataclass(frozen=True)
 class _Assessed:
-    """Relative errors (K,) between breakpoints, what they must be, and the largest error of any kind."""
+    """Relative errors (K,) between breakpoints by part, what they must be, and the largest of any kind."""
 
-    errors: Vector
+    errors: Sequence[Vector]
     target: float
     largest: float
 
     @property
     def excess(self) -> float:
-        return float(self.errors.max()) / self.target
+        return max(float(own.max()) for own in self.errors) / self.target
+
+    def better(self, meshes: Sequence[AdaptiveMesh], solved: Stand[Any, Any]) -> list[AdaptiveMesh]:
+        """The next meshes; one that is good enough stays. Raises :class:`MeshLimit`."""
+        return [
+            mesh.refined(part.trajectory, own, self.target) if own.max() > self.target else mesh
+            for mesh, part, own in zip(meshes, solved.parts, self.errors, strict=True)
+        ]
 
 
 def adapt(
-    session: Session, mesh: AdaptiveMesh, tolerance: float, first: Solved, begun: float = 0.0
-) -> Adapted:
-    """Refine until the relative error is within the tolerance, from the answer ``first`` on ``mesh``.
+    session: Solving[Ended],
+    meshes: Sequence[AdaptiveMesh],
+    tolerance: float,
+    first: Ended,
+    begun: float = 0.0,
+) -> Adapted[Ended]:
+    """Refine until the relative error is within the tolerance, from the answer ``first`` on ``meshes``.
 
     ``begun``: the part of all work that is done. Raises whatever the progress of the session raises.
     """
     session.tolerance = min(session.tolerance, max(tolerance * _PROGRAM_SHARE, _MOST_EXACT_PROGRAM))
     solved = first
-    best: tuple[float, Solved, AdaptiveMesh] | None = None
+    best: tuple[float, Ended, Sequence[AdaptiveMesh]] | None = None
     history: list[float] = []
     reason = f"{_ROUNDS} meshes were not enough"
     for round_ in range(_ROUNDS):
@@ -117,50 +128,71 @@ def adapt(
             assessed.largest if np.isfinite(assessed.largest) else None
         )
         if assessed.excess <= 1.0:
-            return Adapted(solved, mesh, None)
+            return Adapted(solved, meshes, None)
         if best is None or assessed.largest < best[0]:
-            best = (assessed.largest, solved, mesh)
+            best = (assessed.largest, solved, meshes)
         history.append(assessed.excess)
         if len(history) > _PATIENCE and min(history[-_PATIENCE:]) > 0.5 * min(history[:-_PATIENCE]):
             reason = "refinement no longer helps"
             break
         try:
-            finer = mesh.refined(solved.trajectory, assessed.errors, assessed.target)
+            finer = assessed.better(meshes, solved)
         except MeshLimit as limit:
             reason = str(limit)
             break
-        transcription = finer.transcription(session.problem, session.scaling, solved.trajectory)
+        transcriptions = [
+            mesh.transcription(part.problem, part.scaling, own.trajectory)
+            for mesh, part, own in zip(finer, session.parts, solved.parts, strict=True)
+        ]
         session.seconds["refine"] += time.perf_counter() - started
         left = (1.0 - begun) * _SHARE_OF_REST**round_
         share = 1.0 - left, 1.0 - left * _SHARE_OF_REST
-        solved, mesh = session.solve(transcription, f"mesh {round_ + 2}", share, warm=True), finer
+        solved, meshes = session.solve_parts(transcriptions, f"mesh {round_ + 2}", share, warm=True), finer
     if best is None or solved.stopped:
-        return Adapted(solved, mesh, f"The adaptive mesh ended {solved.outcome.status.value}.")
+        return Adapted(solved, meshes, f"The adaptive mesh ended {solved.outcome.status.value}.")
     if not solved.converged:
         reason = f"the program on a finer mesh ended {solved.outcome.status.value}"
-    bounded = any(np.isfinite(bounds).all() for bounds in session.problem.control_bounds)
+    bounded = any(np.isfinite(own).all() for part in session.parts for own in part.problem.control_bounds)
     advice = _ADVICE if bounded else ""
     detail = f"The adaptive mesh stopped at an estimated error of {best[0]:.1e}: {reason}.{advice}"
     return Adapted(best[1], best[2], detail)
 
 
-def _assess(session: Session, solved: Solved, limit: float) -> _Assessed:
-    problem, trajectory = session.problem, solved.trajectory
-    found = arc_errors(problem, trajectory)
-    errors = np.nan_to_num(found.worst, nan=np.inf)
-    worst = float(errors.max())
+def _assess(session: Solving[Ended], solved: Ended, limit: float) -> _Assessed:
+    parts = solved.parts
+    found = [arc_errors(item.transcription.problem, item.trajectory) for item in parts]
+    errors = [np.nan_to_num(own.worst, nan=np.inf) for own in found]
+    worst = max(float(own.max()) for own in errors)
     if worst > limit:
         return _Assessed(errors, limit, worst)
-    # Every arc is good enough for itself: is their sum, and does the control use what it may?
-    over_all = flight_error(problem, trajectory, found)
+    # Every arc is good enough for itself: is their sum, and do the controls use what they may?
+    over_all = _flight_error(session, solved, found)
     if over_all is not None and over_all > limit:
         return _Assessed(errors, _FLIGHT_SHARE * worst * limit / over_all, over_all)
-    costates = solved.transcription.costates(trajectory, solved.outcome.row_multipliers)
-    given_away = suboptimality(solved.weighted_problem, trajectory, costates) / max(
-        abs(solved.objective), SMALLEST_SCALE
-    )
-    total = float(given_away.sum())
+    given_away = [_given_away(part) for part in parts]
+    total = sum(float(own.sum()) for own in given_away)
     if total > 0.0:
         # What counts is the sum: the arcs with the largest parts answer for all of it.
-        errors = np.maximum(errors, given_away * (total / given_away.max()))
-    return _Assessed(errors, limit, float(errors.max()))
+        share = total / max(float(own.max()) for own in given_away)
+        errors = [np.maximum(own, gap * share) for own, gap in zip(errors, given_away, strict=True)]
+    return _Assessed(errors, limit, max(float(own.max()) for own in errors))
+
+
+def _flight_error(session: Solving[Ended], solved: Ended, found: Sequence[ArcErrors]) -> float | None:
+    """The largest relative error at the end of any part, after those of parts before; None if meaningless."""
+    largest, end = 0.0, None
+    for index, (part, own) in enumerate(zip(solved.parts, found, strict=True)):
+        scale = scale_of(part.trajectory.states_at(part.trajectory.breakpoints))
+        begin = None if end is None else session.carried(solved, index, end) / scale
+        errors = flight_errors(part.transcription.problem, part.trajectory, own, begin)
+        if errors is None:
+            return None
+        largest, end = max(largest, float(np.max(np.abs(errors)))), errors * scale
+    return largest
+
+
+def _given_away(part: Solved) -> Vector:
+    """What the controls of a part give away between breakpoints, relative to the objective, (K,)."""
+    costates = part.transcription.costates(part.trajectory, part.outcome.row_multipliers)
+    gap = suboptimality(part.weighted_problem, part.trajectory, costates)
+    return gap / max(abs(part.objective), SMALLEST_SCALE)

@@ -22,15 +22,12 @@ from scipy.stats import qmc
 
 from solvers.problem import OptimalControlProblem
 from solvers.refine.bang_bang import BangBangFlights
-from solvers.refine.mesh import first_mesh
-from solvers.refine.residual import arc_errors
-from solvers.refine.search import PROGRAM_TOLERANCE, WRONG_SIGN, Refined, arcs_program
+from solvers.refine.search import PROGRAM_TOLERANCE, WRONG_SIGN, Arcs, RefinedPart
 from solvers.refine.signs import next_structure
 from solvers.refine.structure import SHORTEST_ARC, Structure
 from solvers.session import Session
 from solvers.status import SolveStatus
 from solvers.trajectory import Trajectory
-from solvers.transcription.multi_arc import MultiArc
 
 Vector = NDArray[np.float64]
 
@@ -52,7 +49,7 @@ _BELIEVED = 1e-6
 class Extremal:
     """A control of the answer's pattern, or of the opposite one, that reaches the ends."""
 
-    found: Refined
+    found: RefinedPart
 
     @property
     def objective(self) -> float:
@@ -78,7 +75,7 @@ class Extremal:
         }
 
 
-def other_extremals(session: Session, answer: Refined, count: int) -> list[Extremal]:
+def other_extremals(session: Session, answer: RefinedPart, count: int) -> list[Extremal]:
     """What ``count`` draws of switching instants lead to, each once, without ``answer``, best first.
 
     Nothing where the answer has a free control or follows a limit. Raises whatever the progress of the
@@ -111,7 +108,7 @@ def other_extremals(session: Session, answer: Refined, count: int) -> list[Extre
 _Start = tuple[Structure, Trajectory]
 
 
-def _starts(session: Session, answer: Refined, count: int) -> Iterator[_Start]:
+def _starts(session: Session, answer: RefinedPart, count: int) -> Iterator[_Start]:
     """At most ``count`` patterns and flights that nearly reach the ends, from drawn ones."""
     problem = session.problem
     levels, durations = _drawn(problem, answer, _DRAWS + _DRAWS_PER_START * count)
@@ -136,7 +133,7 @@ def _distinct(lengths: Vector, chosen: NDArray[np.intp]) -> list[int]:
     return kept
 
 
-def _drawn(problem: OptimalControlProblem, answer: Refined, count: int) -> tuple[Vector, Vector]:
+def _drawn(problem: OptimalControlProblem, answer: RefinedPart, count: int) -> tuple[Vector, Vector]:
     """Levels (count, m, S) and lengths (count, S) of arcs drawn at random.
 
     Each control has as many switches as in the answer, and begins as there or, every other time, opposite.
@@ -159,25 +156,22 @@ def _drawn(problem: OptimalControlProblem, answer: Refined, count: int) -> tuple
     return np.stack(levels, axis=1), durations * np.diff(edges, axis=1)
 
 
-def _solved(session: Session, start: _Start) -> Refined | None:
+def _solved(session: Session, start: _Start) -> RefinedPart | None:
     """Where a structure leads with its pattern held; None if it reaches no target, or loses an arc."""
     problem = session.problem
-    structure, flown = start
-    mesh = first_mesh(problem, flown, structure)
-    solved = session.solve(arcs_program(session, structure, mesh, flown), "other structures", warm=True)
+    (part,) = session.parts
+    arcs = Arcs.first(part, *start)
+    solved = session.solve(arcs.program(part), "other structures", warm=True)
     if not solved.converged:
         return None
-    program, trajectory = solved.transcription, solved.trajectory
-    assert isinstance(program, MultiArc)
-    structure = replace(structure, edges=program.edges_of(trajectory))
-    errors = program.by_segment(arc_errors(problem, trajectory).states.max(axis=0))
-    wrong_sign, _ = next_structure(problem, solved, structure, float(errors.max()))
-    if errors.max() > _BELIEVED or not np.isfinite(wrong_sign):
+    found = RefinedPart.read(solved, arcs)
+    wrong_sign, _ = next_structure(problem, solved, found.structure, found.error)
+    if found.error > _BELIEVED or not np.isfinite(wrong_sign):
         return None
-    return Refined(solved, structure, mesh, errors, wrong_sign)
+    return replace(found, wrong_sign=wrong_sign)
 
 
-def _same(one: Refined, other: Refined) -> bool:
+def _same(one: RefinedPart, other: RefinedPart) -> bool:
     scale = max(abs(one.solved.objective), abs(other.solved.objective), 1e-6)
     return (
         one.structure.pattern == other.structure.pattern

@@ -110,10 +110,13 @@ def mesh_error_estimate(problem: OptimalControlProblem, trajectory: Trajectory) 
     return largest if np.isfinite(largest) else None
 
 
-def flight_error(problem: OptimalControlProblem, trajectory: Trajectory, errors: ArcErrors) -> float | None:
-    """The relative error at the end of the flight over all arcs, to first order in the errors of the arcs.
+def flight_errors(
+    problem: OptimalControlProblem, trajectory: Trajectory, errors: ArcErrors, begin: Vector | None = None
+) -> Vector | None:
+    """The errors (n,) of states at the end of the flight over all arcs, to first order in those of the arcs.
 
-    None where it is meaningless: errors grow beyond measure on the way.
+    Relative to scales, as are those of the ``begin``, by default none. None where they are meaningless:
+    errors grow beyond measure on the way.
     """
     breaks = trajectory.breakpoints
     widths = np.diff(breaks)
@@ -134,7 +137,7 @@ def flight_error(problem: OptimalControlProblem, trajectory: Trajectory, errors:
         to_end = to_end @ transition
         if not np.max(np.abs(to_end)) < MEANINGFUL_GROWTH:
             return None
-    return float(np.max(np.abs(error)))
+    return error if begin is None else error + to_end @ begin
 
 
 def _gap(problem: OptimalControlProblem, trajectory: Trajectory, tau: Vector, drift: Vector) -> Vector:

@@ -2,13 +2,14 @@
 
 Arcs that shrink to nothing are dropped, arcs on which the switching function or the multiplier of a limit
 has the wrong sign are cut, and where a free control comes to rest on a bound a new arc begins. Then nodes are
-added until the dynamics hold between them.
+added until the dynamics hold between them. Each phase has arcs of its own, and all are solved together.
 """
 
 from __future__ import annotations
 
-from collections.abc import Hashable
+from collections.abc import Hashable, Sequence
 from dataclasses import dataclass, field, replace
+from typing import Any, Generic
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,7 +22,7 @@ from solvers.refine.mesh import ArcMesh, first_mesh
 from solvers.refine.residual import arc_errors
 from solvers.refine.signs import next_structure
 from solvers.refine.structure import Structure
-from solvers.session import Session, Solved
+from solvers.session import Ended, Part, Solved, Solving, Stand
 from solvers.status import SolveStatus
 from solvers.trajectory import Trajectory
 from solvers.transcription.multi_arc import MultiArc
@@ -67,8 +68,40 @@ _CUT = 1e-6
 
 
 @dataclass(frozen=True)
-class Refined:
-    """A solved multi-arc problem with its structure and mesh.
+class Arcs:
+    """The arcs of a part and their mesh, to be solved from ``start``."""
+
+    structure: Structure
+    mesh: ArcMesh
+    start: Trajectory
+
+    @classmethod
+    def first(cls, part: Part, structure: Structure, start: Trajectory) -> Arcs:
+        """Arcs on the mesh that the model asks for."""
+        return cls(structure, first_mesh(part.problem, start, structure), start)
+
+    @property
+    def firm(self) -> bool:
+        """Whether no control is free, and no arc so short that it may vanish."""
+        return not self.structure.is_free and bool(np.diff(self.structure.edges).min() >= _FIRM)
+
+    def program(self, part: Part) -> MultiArc:
+        """The multi-arc problem."""
+        return MultiArc(
+            part.problem,
+            part.scaling,
+            self.start,
+            self.mesh.breaks(self.structure.edges),
+            self.mesh.flat_counts,
+            self.mesh.parts,
+            self.structure.pinned,
+            self.structure.follows(part.problem, self.start),
+        )
+
+
+@dataclass(frozen=True)
+class RefinedPart:
+    """A solved part with its structure and mesh.
 
     ``errors``: of the states, segment by segment; ``wrong_sign``: the largest wrong value of a switching
     function; both relative.
@@ -78,114 +111,162 @@ class Refined:
     structure: Structure
     mesh: ArcMesh
     errors: Vector
-    wrong_sign: float
+    wrong_sign: float = np.inf
+
+    @classmethod
+    def read(cls, solved: Solved, arcs: Arcs) -> RefinedPart:
+        """What came of arcs; nothing is said of signs yet."""
+        program = solved.transcription
+        assert isinstance(program, MultiArc)
+        structure = replace(arcs.structure, edges=program.edges_of(solved.trajectory))
+        errors = arc_errors(program.problem, solved.trajectory).states.max(axis=0)
+        return cls(solved, structure, arcs.mesh, program.by_segment(errors))
+
+    @property
+    def problem(self) -> OptimalControlProblem:
+        """The problem of the part."""
+        return self.solved.transcription.problem
 
     @property
     def error(self) -> float:
         """The largest of the errors."""
         return float(self.errors.max())
 
+    @property
+    def finer(self) -> Arcs:
+        """The same arcs, with more nodes where the errors are too large."""
+        start = self.solved.trajectory
+        return Arcs(self.structure, self.mesh.refined(start, self.errors, TOLERANCE), start)
+
+    def changed(self, structure: Structure | None) -> Arcs:
+        """Other arcs; these, where there is no change."""
+        start = self.solved.trajectory
+        mesh = self.mesh if structure is None else first_mesh(self.problem, start, structure)
+        return Arcs(structure or self.structure, mesh, start)
+
+
+@dataclass(frozen=True)
+class Refined(Generic[Ended]):
+    """A solved multi-arc problem, part by part."""
+
+    solved: Ended
+    parts: tuple[RefinedPart, ...]
+
+    @property
+    def error(self) -> float:
+        """The largest of the errors."""
+        return max(part.error for part in self.parts)
+
+    @property
+    def wrong_sign(self) -> float:
+        """The largest wrong value of a switching function."""
+        return max(part.wrong_sign for part in self.parts)
+
+    @property
+    def pattern(self) -> Hashable:
+        """What is the same for structures that differ in instants only."""
+        return _pattern([part.structure for part in self.parts])
+
 
 @dataclass
-class Search:
-    """Goes from structure to structure; keeps the patterns that it has tried and the best that it found."""
+class Search(Generic[Ended]):
+    """Goes from structure to structure; keeps the patterns that it has tried and the best that it found.
 
-    session: Session
-    start: Trajectory
+    ``start``: a trajectory for each part.
+    """
+
+    session: Solving[Ended]
+    start: Sequence[Trajectory]
     tried: set[Hashable] = field(default_factory=set)
-    best: Refined | None = None
+    best: Refined[Ended] | None = None
     stopped: SolveStatus | None = None
     looks: int = 0
 
-    def run(self, structure: Structure) -> str:
-        """Search from ``structure``; returns why it ended."""
-        problem, start, settled = self.session.problem, self.start, False
-        mesh = self._first_mesh(start, structure)
+    def run(self, structures: Sequence[Structure]) -> str:
+        """Search from ``structures``, one for each part; returns why it ended."""
+        settled = False
+        arcs = self._first(structures, self.start)
         before, slow = np.inf, 0
         for round_ in range(_ROUNDS):
-            solved = (
-                None if _too_few_arcs(problem, structure) else self._solve(structure, mesh, start, round_)
-            )
+            solved = None if _too_few_arcs(self.session, arcs) else self._solve(arcs, round_)
             if solved is None or not solved.converged:
                 if solved is not None and solved.stopped:
                     self.stopped = solved.outcome.status
                     return "it was stopped"
-                closer = self._look_closer(start, round_) if self.best is None else None
+                closer = self._look_closer(arcs, round_) if self.best is None else None
                 if closer is None:
                     return (
                         "the arcs are too few"
                         if solved is None
                         else f"the program ended {solved.outcome.status}"
                     )
-                structure, start = closer
-                mesh = self._first_mesh(start, structure)
+                arcs = closer
                 continue
-            program, start = solved.transcription, solved.trajectory
-            assert isinstance(program, MultiArc)
-            structure = replace(structure, edges=program.edges_of(start))
-            errors = program.by_segment(arc_errors(problem, start).states.max(axis=0))
-            wrong_sign, changed = next_structure(problem, solved, structure, max(_CUT, float(errors.max())))
-            if errors.max() <= TOLERANCE:
-                errors = np.maximum(errors, _wander(solved))
-            if wrong_sign <= WRONG_SIGN:
-                self._keep(Refined(solved, structure, mesh, errors, wrong_sign))
-            if changed is not None and not settled:
-                if changed.pattern not in self.tried:
-                    structure, mesh = changed, self._first_mesh(start, changed)
+            found, changes = _assessed(solved, arcs)
+            if found.wrong_sign <= WRONG_SIGN:
+                self._keep(found)
+            if changes is not None and not settled:
+                pattern = _pattern(
+                    [new or part.structure for new, part in zip(changes, found.parts, strict=True)]
+                )
+                if pattern not in self.tried:
+                    self.tried.add(pattern)
+                    arcs = [part.changed(new) for part, new in zip(found.parts, changes, strict=True)]
                     continue
                 # Structures take turns, or switches accumulate: the best so far, with nodes enough.
                 if self.best is None:
                     return "the same structures come back"
-                settled, structure, mesh = True, self.best.structure, self.best.mesh
-                start, errors = self.best.solved.trajectory, self.best.errors
-            if errors.max() <= TOLERANCE:
+                settled, found = True, self.best
+            if found.error <= TOLERANCE:
                 return "done"
-            slow = slow + 1 if settled and errors.max() > before / 2.0 else 0
-            before = float(errors.max())
-            closer = self._look_closer(start, round_) if slow == _PATIENCE and before > ACCEPTABLE else None
+            slow = slow + 1 if settled and found.error > before / 2.0 else 0
+            before = found.error
+            arcs = [part.finer for part in found.parts]
+            closer = self._look_closer(arcs, round_) if slow == _PATIENCE and before > ACCEPTABLE else None
             if closer is not None:
-                structure, start = closer
-                mesh, settled, before = self._first_mesh(start, structure), False, np.inf
-                continue
-            mesh = mesh.refined(start, errors, TOLERANCE)
+                arcs, settled, before = closer, False, np.inf
         return f"no structure was settled on after {_ROUNDS} rounds"
 
-    def _look_closer(self, start: Trajectory, round_: int) -> tuple[Structure, Trajectory] | None:
-        """The structure of an answer on a finer mesh, and that answer; None after some attempts.
+    def _look_closer(self, arcs: Sequence[Arcs], round_: int) -> list[Arcs] | None:
+        """The arcs of an answer on finer meshes; None after some attempts.
 
         A mesh does not see arcs shorter than its intervals, and bang arcs that are too few reach no target.
         """
         if self.looks == LOOKS:
             return None
-        problem, level = self.session.problem, _LOOK_LEVEL + self.looks
+        level = _LOOK_LEVEL + self.looks
         self.looks += 1
         self.session.barrier = None
-        knots = spline_mesh(problem, _LOOK_LENGTH, level)
-        adaptive = knots.finest > level
-        transcription = SplineWavelet(problem, self.session.scaling, start, knots, adaptive=adaptive)
-        solved = self.session.solve(transcription, f"switching {round_ + 1}", _share(round_), warm=True)
+        splines = []
+        for part, own in zip(self.session.parts, arcs, strict=True):
+            knots = spline_mesh(part.problem, _LOOK_LENGTH, level)
+            adaptive = knots.finest > level
+            splines.append(SplineWavelet(part.problem, part.scaling, own.start, knots, adaptive=adaptive))
+        solved = self.session.solve_parts(splines, f"switching {round_ + 1}", _share(round_), warm=True)
         self.stopped = solved.outcome.status if solved.stopped else None
-        return (structure_of(solved), solved.trajectory) if solved.converged else None
+        if not solved.converged:
+            return None
+        return self._first(structures_of(solved), [part.trajectory for part in solved.parts])
 
-    def _first_mesh(self, start: Trajectory, structure: Structure) -> ArcMesh:
-        self.tried.add(structure.pattern)
-        return first_mesh(self.session.problem, start, structure)
+    def _first(self, structures: Sequence[Structure], starts: Sequence[Trajectory]) -> list[Arcs]:
+        self.tried.add(_pattern(structures))
+        triples = zip(self.session.parts, structures, starts, strict=True)
+        return [Arcs.first(part, structure, start) for part, structure, start in triples]
 
-    def _solve(self, structure: Structure, mesh: ArcMesh, start: Trajectory, round_: int) -> Solved:
-        transcription = arcs_program(self.session, structure, mesh, start)
+    def _solve(self, arcs: Sequence[Arcs], round_: int) -> Ended:
+        programs = [own.program(part) for part, own in zip(self.session.parts, arcs, strict=True)]
         # Without free controls, and with arcs that are there to stay, there is no bound to stay away from:
         # three steps of Newton's method.
-        firm = not structure.is_free and np.diff(structure.edges).min() >= _FIRM
-        self.session.barrier = _NO_BARRIER if firm else None
-        return self.session.solve(transcription, f"switching {round_ + 1}", _share(round_), warm=True)
+        self.session.barrier = _NO_BARRIER if all(own.firm for own in arcs) else None
+        return self.session.solve_parts(programs, f"switching {round_ + 1}", _share(round_), warm=True)
 
-    def _keep(self, found: Refined) -> None:
+    def _keep(self, found: Refined[Ended]) -> None:
         """Keep the better one: of one pattern that of smaller error, else that of the smaller objective.
 
         What may become the answer is better than what may not.
         """
         best = self.best
-        if best is None or best.structure.pattern == found.structure.pattern:
+        if best is None or best.pattern == found.pattern:
             better = best is None or found.error < best.error
         else:
             ranks = [(item.error > ACCEPTABLE, item.solved.objective) for item in (found, best)]
@@ -194,27 +275,37 @@ class Search:
             self.best = found
 
 
-def arcs_program(session: Session, structure: Structure, mesh: ArcMesh, start: Trajectory) -> MultiArc:
-    """The multi-arc problem of a structure, to be solved from ``start``."""
-    return MultiArc(
-        session.problem,
-        session.scaling,
-        start,
-        mesh.breaks(structure.edges),
-        mesh.flat_counts,
-        mesh.parts,
-        structure.pinned,
-        structure.follows(session.problem, start),
-    )
+def structures_of(solved: Stand[Any, Any]) -> list[Structure]:
+    """The structure of every part of a solved mesh."""
+    return [_structure_of(part) for part in solved.parts]
 
 
-def structure_of(solved: Solved) -> Structure:
-    """The structure of a solved mesh."""
+def _structure_of(solved: Solved) -> Structure:
     return find_structure(
         solved.weighted_problem,
         solved.trajectory,
         lambda: solved.transcription.costates(solved.trajectory, solved.outcome.row_multipliers),
     )
+
+
+def _pattern(structures: Sequence[Structure]) -> Hashable:
+    return tuple(structure.pattern for structure in structures)
+
+
+def _assessed(
+    solved: Ended, arcs: Sequence[Arcs]
+) -> tuple[Refined[Ended], Sequence[Structure | None] | None]:
+    """What came of arcs, and what becomes of the structure of each part; None where all may stay."""
+    parts = [RefinedPart.read(part, own) for part, own in zip(solved.parts, arcs, strict=True)]
+    error = max(part.error for part in parts)
+    signs = [next_structure(part.problem, part.solved, part.structure, max(_CUT, error)) for part in parts]
+    worst = max(wrong for wrong, _ in signs)
+    # While arcs vanish in one part, signs say nothing in the others either.
+    changes = [new if wrong == worst or np.isfinite(worst) else None for wrong, new in signs]
+    if error <= TOLERANCE:
+        parts = [replace(part, errors=np.maximum(part.errors, _wander(part.solved))) for part in parts]
+    parts = [replace(part, wrong_sign=wrong) for part, (wrong, _) in zip(parts, signs, strict=True)]
+    return Refined(solved, tuple(parts)), changes if any(changes) else None
 
 
 def _wander(solved: Solved) -> float:
@@ -233,14 +324,19 @@ def _share(round_: int) -> tuple[float, float]:
     return 1.0 - 0.5 ** (round_ + 1), 1.0 - 0.5 ** (round_ + 2)
 
 
-def _too_few_arcs(problem: OptimalControlProblem, structure: Structure) -> bool:
+def _too_few_arcs(session: Solving[Any], arcs: Sequence[Arcs]) -> bool:
     """Whether arcs that leave nothing free have fewer unknown times than there are conditions on them."""
-    if not structure.is_decided:
+    if not all(own.structure.is_decided for own in arcs):
         return False
-    free = [bounds[0] < bounds[1] for bounds in (problem.initial_time, problem.final_time)]
-    free += [bounds[0] < bounds[1] for bounds in problem.initial_state]
-    free += [item.interval[0] < item.interval[1] for item in problem.design]
-    held = [bounds[0] == bounds[1] for bounds in problem.final_state]
-    held += [item.interval[0] == item.interval[1] for item in problem.boundary]
-    held += [item.interval[0] == item.interval[1] for item in problem.integrals]
-    return structure.arcs - 1 + sum(free) < sum(held) + structure.entry_conditions
+    unknown, conditions = 0, session.joints
+    for part, own in zip(session.parts, arcs, strict=True):
+        problem = part.problem
+        free = [bounds[0] < bounds[1] for bounds in (problem.initial_time, problem.final_time)]
+        free += [bounds[0] < bounds[1] for bounds in problem.initial_state]
+        free += [item.interval[0] < item.interval[1] for item in problem.design]
+        held = [bounds[0] == bounds[1] for bounds in problem.final_state]
+        held += [item.interval[0] == item.interval[1] for item in problem.boundary]
+        held += [item.interval[0] == item.interval[1] for item in problem.integrals]
+        unknown += own.structure.arcs - 1 + sum(free)
+        conditions += sum(held) + own.structure.entry_conditions
+    return unknown < conditions

@@ -9,13 +9,14 @@ allow it; otherwise the first one stays, with the reason.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, Generic
 
 import numpy as np
 
 from solvers.limits import limits_of
+from solvers.phases.trajectory import AnyTrajectory
 from solvers.problem import OptimalControlProblem
 from solvers.quantities import WHOLE_SPAN
 from solvers.refine.detection import find_structure
@@ -28,11 +29,10 @@ from solvers.refine.search import (
     WRONG_SIGN,
     Refined,
     Search,
-    structure_of,
+    structures_of,
 )
 from solvers.refine.structure import Structure
-from solvers.session import Session, Solved
-from solvers.switching import find_switching
+from solvers.session import Ended, Part, Solving, Stand
 from solvers.trajectory import Trajectory
 from solvers.verification import Check, Verification
 from solvers.violations import dense
@@ -44,11 +44,11 @@ _BELIEVED = 1e-2
 
 
 @dataclass(frozen=True)
-class Refinement:
+class Refinement(Generic[Ended]):
     """The refined answer, or the first one and why it stays."""
 
-    solved: Solved
-    refined: Refined | None
+    solved: Ended
+    refined: Refined[Ended] | None
     reason: str
 
     @property
@@ -56,7 +56,7 @@ class Refinement:
         """What was done, for the ``method`` of the result; ``refine`` is None if the first answer stays."""
         if self.refined is None:
             return {"refine": None}
-        counts = [list(counts) for counts in self.refined.mesh.counts]
+        counts = [list(counts) for part in self.refined.parts for counts in part.mesh.counts]
         return {"refine": "switching", "arcs": len(counts), "arc_nodes": counts}
 
     @property
@@ -65,12 +65,6 @@ class Refinement:
         if self.refined is not None:
             return []
         return [{"code": "refinement_failed", "pointer": "/method/refine", "detail": self.reason}]
-
-    def switching(self, problem: OptimalControlProblem) -> dict[str, Any]:
-        """The ``switching`` of the result."""
-        if self.refined is None:
-            return find_switching(problem, self.solved.trajectory)
-        return self.refined.structure.switching(problem, self.solved.trajectory)
 
     def certified(self, verification: Verification) -> Verification:
         """The verification with what else a refined answer must show: its signs, its Hamiltonian."""
@@ -82,74 +76,84 @@ class Refinement:
         return replace(verification, checks=(*verification.checks, *checks))
 
 
-def is_refinable(problem: OptimalControlProblem) -> bool:
+def is_refinable(parts: Sequence[Part]) -> bool:
     """Whether arcs can be looked for: not with windows of constraints, nor with controls bound at the ends.
 
     Windows would have to begin inside of arcs; a control that rests on a bound does not jump to its end.
     """
+    return all(_has_arcs(part.problem) for part in parts)
+
+
+def _has_arcs(problem: OptimalControlProblem) -> bool:
     ends = [*problem.initial_control, *problem.final_control]
     if any("@" in name for name in problem.controls):
         return False  # slacks are no controls that switch
     return not np.isfinite(ends).any() and all(item.during == WHOLE_SPAN for item in problem.path)
 
 
-def refine_switching(session: Session, first: Solved) -> Refinement:
+def refine_switching(session: Solving[Ended], first: Ended) -> Refinement[Ended]:
     """Find the structure of a converged answer and solve for its switching times.
 
     Raises whatever the progress of the session raises.
     """
-    search, reason = _searched(session, first.trajectory, lambda: structure_of(first))
-    return _judged(session.problem, first, search, reason)
+    start = [part.trajectory for part in first.parts]
+    search, reason = _searched(session, start, lambda: structures_of(first))
+    return _judged(first, search, reason)
 
 
-def resume_switching(session: Session, earlier: Trajectory) -> Refinement | None:
+def resume_switching(session: Solving[Ended], earlier: AnyTrajectory) -> Refinement[Ended] | None:
     """The refined answer to which the structure of an earlier one leads; None where it leads to none.
 
     Signs, bounds and errors are judged as ever, so that a structure that has changed is seen. Raises whatever
     the progress of the session raises.
     """
-    problem = session.problem
-    if not is_refinable(problem) or (tuple(earlier.states), tuple(earlier.controls)) != (
-        problem.states,
-        problem.controls,
-    ):
+    problems = [part.problem for part in session.parts]
+    names = [(tuple(part.states), tuple(part.controls)) for part in earlier.parts]
+    if not is_refinable(session.parts) or names != [(own.states, own.controls) for own in problems]:
         return None
-    search, reason = _searched(session, earlier, lambda: find_structure(problem, earlier), looks=LOOKS)
+    search, reason = _searched(
+        session, earlier.parts, lambda: list(map(find_structure, problems, earlier.parts)), looks=LOOKS
+    )
     best = search.best
     if best is None or best.error > ACCEPTABLE or search.stopped is not None:
         return None
-    trajectory = best.solved.trajectory
-    tau = dense(trajectory.breakpoints)
-    for limit in limits_of(problem):
-        room = limit.room(problem, trajectory, tau)
-        # One that was not met before is not among the arcs: it is seen by who solves a mesh.
-        if room.min() < -ACCEPTABLE * max(float(np.ptp(room)), 1e-6):
-            return None
+    # A limit that was not met before is not among the arcs: it is seen by who solves a mesh.
+    if any(_leaves_limits(part.problem, part.solved.trajectory) for part in best.parts):
+        return None
     return Refinement(best.solved, best, reason)
 
 
+def _leaves_limits(problem: OptimalControlProblem, trajectory: Trajectory) -> bool:
+    tau = dense(trajectory.breakpoints)
+    rooms = [limit.room(problem, trajectory, tau) for limit in limits_of(problem)]
+    return any(room.min() < -ACCEPTABLE * max(float(np.ptp(room)), 1e-6) for room in rooms)
+
+
 def _searched(
-    session: Session, start: Trajectory, structure: Callable[[], Structure], looks: int = 0
-) -> tuple[Search, str]:
+    session: Solving[Ended],
+    start: Sequence[Trajectory],
+    structures: Callable[[], Sequence[Structure]],
+    looks: int = 0,
+) -> tuple[Search[Ended], str]:
     """A search that has come to its end, and why it did; ``looks``: how many of its closer looks are gone."""
     started = time.perf_counter()
     inner = replace(
         session, tolerance=min(session.tolerance, PROGRAM_TOLERANCE), seconds={"build": 0.0, "solve": 0.0}
     )
     search = Search(inner, start, looks=looks)
-    reason = search.run(structure())
+    reason = search.run(structures())
     session.iterations = inner.iterations
     session.seconds["refine"] += time.perf_counter() - started
     return search, reason
 
 
-def _judged(problem: OptimalControlProblem, first: Solved, search: Search, reason: str) -> Refinement:
+def _judged(first: Ended, search: Search[Ended], reason: str) -> Refinement[Ended]:
     """The best that was found, if it may replace the first answer."""
     best = search.best
     if best is not None and search.stopped is None:
         if best.error > ACCEPTABLE:
             reason = f"the states or the Hamiltonian are wrong by {best.error:.1e} between nodes; {reason}"
-        elif _is_worse(problem, first, best.solved):
+        elif _is_worse(first, best.solved):
             reason = f"the objective would get worse by {best.solved.objective - first.objective:.1e}"
         else:
             return Refinement(best.solved, best, reason)
@@ -158,9 +162,10 @@ def _judged(problem: OptimalControlProblem, first: Solved, search: Search, reaso
     return Refinement(replace(first, outcome=replace(first.outcome, status=status)), None, reason)
 
 
-def _is_worse(problem: OptimalControlProblem, first: Solved, refined: Solved) -> bool:
+def _is_worse(first: Stand[Any, Any], refined: Stand[Any, Any]) -> bool:
     """Whether the objective is worse than that of a first answer whose states can be believed."""
     worse = refined.objective - first.objective
     if worse <= _WORSE * max(abs(first.objective), abs(refined.objective), 1e-6):
         return False
-    return float(arc_errors(problem, first.trajectory).states.max()) <= _BELIEVED
+    errors = [arc_errors(part.transcription.problem, part.trajectory).states.max() for part in first.parts]
+    return float(max(errors)) <= _BELIEVED

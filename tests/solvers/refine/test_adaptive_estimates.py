@@ -17,7 +17,7 @@ from solvers.refine.adaptive_gauss import GaussMesh
 from solvers.refine.adaptive_intervals import IntervalMesh
 from solvers.refine.adaptive_optimality import suboptimality
 from solvers.refine.adaptive_splines import SplineMesh
-from solvers.refine.residual import arc_errors, flight_error
+from solvers.refine.residual import arc_errors, flight_errors
 from solvers.solution import Solution
 from solvers.solve import solve
 from solvers.spec import check_document
@@ -62,13 +62,13 @@ def test_the_estimate_is_the_error_that_the_integration_finds(case: str, method:
 def test_the_flight_over_all_arcs_is_estimated_without_flying(oscillator: dict[str, Any]) -> None:
     for method in ({"name": "swcm", "L": 5, "J": 3}, {"name": "hermite_simpson", "intervals": 16}):
         solution = answer(oscillator, **method)
-        estimate = flight_error(
+        estimate = flight_errors(
             solution.problem, solution.trajectory, arc_errors(solution.problem, solution.trajectory)
         )
         true = solution.verification.terminal_error
         assert estimate is not None
         assert true is not None
-        assert estimate == pytest.approx(true, rel=0.1)
+        assert np.abs(estimate).max() == pytest.approx(true, rel=0.1)
 
 
 def test_a_flight_whose_errors_grow_beyond_measure_is_not_estimated(oscillator: dict[str, Any]) -> None:
@@ -77,7 +77,7 @@ def test_a_flight_whose_errors_grow_beyond_measure_is_not_estimated(oscillator: 
     problem["final_time"] = 40
     solution = answer(oscillator, name="swcm", L=5, J=4)
     errors = arc_errors(solution.problem, solution.trajectory)
-    assert flight_error(solution.problem, solution.trajectory, errors) is None
+    assert flight_errors(solution.problem, solution.trajectory, errors) is None
 
 
 def test_the_gap_of_a_slope_in_the_place_of_a_switch(rigid_body: dict[str, Any]) -> None:

@@ -183,10 +183,11 @@ def test_a_limit_is_left_where_its_multiplier_has_the_wrong_sign() -> None:
     assert rates is not None
     along = np.array([True])
     structure = Structure(np.array([0.0, 1.0]), {"u": np.array([np.nan])}, {limit: along}, {}, {limit: rates})
-    search = Search(session, start, looks=LOOKS)
-    assert search.run(structure) == "done"
+    search = Search(session, [start], looks=LOOKS)
+    assert search.run([structure]) == "done"
     assert search.best is not None
+    (best,) = search.best.parts
     a = brentq(lambda a: np.sin(2 * np.pi * a) / np.pi - 0.5 + a, 0.1, 0.4, xtol=1e-15)
-    np.testing.assert_allclose(search.best.structure.edges, [0, a, 0.5, 1 - a, 1], atol=1e-8)
-    np.testing.assert_array_equal(search.best.structure.pinned["u"], [np.nan, -1, 1, np.nan])
-    assert search.best.wrong_sign <= 1e-6
+    np.testing.assert_allclose(best.structure.edges, [0, a, 0.5, 1 - a, 1], atol=1e-8)
+    np.testing.assert_array_equal(best.structure.pinned["u"], [np.nan, -1, 1, np.nan])
+    assert best.wrong_sign <= 1e-6
