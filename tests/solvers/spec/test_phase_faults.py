@@ -123,10 +123,7 @@ def test_every_mistake_is_reported_at_once() -> None:
 @pytest.mark.parametrize(
     ("changes", "pointer"),
     [
-        ({"method": {"name": "auto"}}, "/method/name"),
         ({"method": {"name": "ga"}}, "/method/name"),
-        ({"method": {"name": "swcm", "refine": "switching"}}, "/method/refine"),
-        ({"method": {"name": "gpm", "adaptive": {"tolerance": 1e-8}}}, "/method/adaptive"),
         ({"objective": {"maximum": "u"}}, "/problem/objective/maximum"),
         ({"guess": {"states": {"x": [0, 1]}}}, "/problem/guess/states"),
         ({"warm_start": "x"}, "/warm_start"),
