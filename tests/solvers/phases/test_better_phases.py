@@ -106,7 +106,7 @@ def test_every_phase_adapts_its_own_mesh(method: dict[str, Any]) -> None:
 
 
 def test_a_jump_carries_the_errors_of_meshes_on() -> None:
-    """What a jump makes 300 times as large has to be that much smaller before: the flight is within limits."""
+    """What a jump makes 300 times as large has to be that much smaller before it."""
     model = {**REGULATOR["problem"]["model"], "dynamics": {"x": "u - sin(x)"}}
     document = cut(
         {"problem": {**REGULATOR["problem"], "model": model}},
