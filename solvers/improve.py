@@ -33,6 +33,7 @@ _SECOND_CHOICE_INTERVALS = 40
 _FIRST_SPAN = 0.5
 # After so many iterations another method is tried, where there is one: the cases take a tenth of them.
 _FIRST_ITERATIONS = 300
+_NO_END = SolveStatus.ITERATION_LIMIT, SolveStatus.DIVERGED
 
 
 @dataclass(frozen=True)
@@ -121,8 +122,8 @@ def answers_of(
 ) -> tuple[Method, list[Ended]]:
     """The first answers, best first, and the method that they are by; see :func:`first_answers`.
 
-    Another method is tried where the choice is left to the solver and the first one comes to no end. Raises
-    whatever the progress of the session raises.
+    Another method is tried where the choice is left to the solver and the first one comes to no end, or loses
+    a phase. Raises whatever the progress of the session raises.
     """
     methods, limit = first_methods(spec.method), session.max_iterations
     for method in methods:
@@ -130,7 +131,8 @@ def answers_of(
         answers = first_answers(
             session, meshes_of(method), spec.options.starts, earlier, span, asks_why=asks_why
         )
-        if answers[0].outcome.status not in (SolveStatus.ITERATION_LIMIT, SolveStatus.DIVERGED):
+        best = answers[0]
+        if best.stopped or not (best.outcome.status in _NO_END or best.collapsed):
             break
     session.max_iterations = limit
     return method, answers

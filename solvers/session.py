@@ -29,6 +29,8 @@ _USUAL_ITERATIONS = 30.0
 # Time between two sketches of where a solve is (s), and their number of samples: a picture, not an answer.
 _SKETCH_EVERY = 1.0
 _SKETCH_SAMPLES = 41
+# A phase of this part of the flight is none.
+_EMPTY = 1e-5
 
 
 Made = TypeVar("Made", bound="Optimisable")
@@ -57,6 +59,16 @@ class Stand(Generic[Made, Found]):
     def objective(self) -> float:
         """The objective of the document on this mesh."""
         return self.outcome.objective * self.transcription.objective_scale
+
+    @property
+    def collapsed(self) -> bool:
+        """Whether a phase has next to no part of the flight.
+
+        Nothing depends on its controls then, so that the optimizer may take that for an optimum, and nothing
+        can be said of arcs along it.
+        """
+        durations = [part.trajectory.duration for part in self.parts]
+        return min(durations) <= _EMPTY * sum(durations)
 
     @property
     @abstractmethod

@@ -21,7 +21,7 @@ from solvers.refine.detection import find_structure
 from solvers.refine.mesh import ArcMesh, first_mesh
 from solvers.refine.residual import arc_errors
 from solvers.refine.signs import next_structure
-from solvers.refine.structure import SHORTEST_ARC, Structure
+from solvers.refine.structure import Structure
 from solvers.session import Ended, Part, Solved, Solving, Stand
 from solvers.status import SolveStatus
 from solvers.trajectory import Trajectory
@@ -205,7 +205,7 @@ class Search(Generic[Ended]):
                     )
                 arcs = closer
                 continue
-            if _has_empty_parts(solved):
+            if solved.collapsed:
                 return "a phase shrinks to nothing"
             found, changes = _assessed(solved, arcs)
             if found.wrong_sign <= WRONG_SIGN:
@@ -327,12 +327,6 @@ def _wander(solved: Solved) -> float:
 def _share(round_: int) -> tuple[float, float]:
     """The part of all work that a round is: nobody knows how many will follow."""
     return 1.0 - 0.5 ** (round_ + 1), 1.0 - 0.5 ** (round_ + 2)
-
-
-def _has_empty_parts(solved: Stand[Any, Any]) -> bool:
-    """Whether a phase has next to no part of the flight: nothing can be said of arcs along it."""
-    durations = np.array([part.trajectory.duration for part in solved.parts])
-    return bool(durations.min() <= SHORTEST_ARC * durations.sum())
 
 
 def _too_few_arcs(session: Solving[Any], arcs: Sequence[Arcs]) -> bool:

@@ -58,6 +58,8 @@ def next_structure(
                 continue
             if np.isnan(level):
                 wanted = _rests(controls[index, here], bounds)
+            elif bounds[0] == bounds[1]:  # a control that is given, which no sign can move
+                wanted = np.full(np.count_nonzero(here), level)
             else:
                 wrong = strength[here] * (1.0 if level == bounds[1] else -1.0)
                 largest = max(largest, float(wrong.max()))
