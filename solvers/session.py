@@ -67,8 +67,14 @@ class Stand(Generic[Made, Found]):
         Nothing depends on its controls then, so that the optimizer may take that for an optimum, and nothing
         can be said of arcs along it.
         """
+        return bool(self.empty_parts)
+
+    @property
+    def empty_parts(self) -> list[int]:
+        """Which phases have next to no part of the flight."""
         durations = [part.trajectory.duration for part in self.parts]
-        return min(durations) <= _EMPTY * sum(durations)
+        least = _EMPTY * sum(durations)
+        return [index for index, duration in enumerate(durations) if duration <= least]
 
     @property
     @abstractmethod

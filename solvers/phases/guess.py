@@ -27,6 +27,8 @@ def phase_times(
     if known[-1] is None:
         parameters = spec.model.parameter_values()
         given = spec.guess.final_time
+        if given is None and spec.guess.from_result is not None:
+            given = spec.guess.from_result["t"][-1]
         # The last phase begins when the one before may have ended.
         earlier = [*known[:-1], *(lower for lower, _ in stops[:-1])]
         begin = max(value for value in earlier if value is not None)
@@ -41,6 +43,28 @@ def phase_times(
         if index not in fixed:
             ends[index] = float(np.clip(ends[index], *stop))
     return list(zip(ends[:-1].tolist(), ends[1:].tolist(), strict=True))
+
+
+def histories(spec: ProblemSpec, span: Interval) -> dict[str, dict[str, Any]]:
+    """What the document guesses of the whole flight, between these times, with times for each history."""
+    guess, parameters = spec.guess, spec.model.parameter_values()
+    nodes = guess.from_result or {}
+    found: dict[str, dict[str, Any]] = {}
+    for group in ("states", "controls"):
+        found[group] = {
+            name: {"times": _stretched(nodes["t"], span, parameters), "values": values}
+            for name, values in nodes.get(group, {}).items()
+        }
+        for name in getattr(guess, group):
+            times, values = guess.history(name, parameters) or (None, [])
+            evenly = np.linspace(*span, len(values)).tolist()
+            found[group][name] = {"times": evenly if times is None else times, "values": values}
+    return found
+
+
+def _stretched(times: Sequence[Any], span: Interval, parameters: dict[str, float]) -> list[float]:
+    own = np.array([evaluate_constant(time, parameters) for time in times])
+    return list(np.interp(own, own[[0, -1]], span))
 
 
 def _known_end(fields: Mapping[str, Any], stop: Interval) -> float | None:

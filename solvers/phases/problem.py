@@ -21,7 +21,7 @@ from solvers.backends import NUMPY, Backend
 from solvers.errors import pointer
 from solvers.expressions import Expression, named, parse, total
 from solvers.lifting import corners, lifted, with_peak
-from solvers.phases.guess import chained_guesses, phase_times
+from solvers.phases.guess import chained_guesses, histories, phase_times
 from solvers.phases.trajectory import PhasedTrajectory
 from solvers.problem import End, OptimalControlProblem, Parameters, Values, at_the_ends, names_of
 from solvers.quantities import FREE, Constraint, Integral, Interval
@@ -211,8 +211,10 @@ def phased_problem(spec: ProblemSpec) -> PhasedProblem:
     views = phase_views(outer)
     fields = list(phase_fields(views, _interval))
     times = phase_times(spec, fields, _interval)
+    common = histories(spec, (times[0][0], times[-1][1]))
     phases = tuple(
-        _phase(spec, view, item, pair) for view, item, pair in zip(views, fields, times, strict=True)
+        _phase(spec, view, {**item, "guess": _guess(view, common, pair)}, pair)
+        for view, item, pair in zip(views, fields, times, strict=True)
     )
     jumps = {link.after: link.jump for link in spec.links}
     links = tuple(_link(before, after, jumps.get(after.name, {})) for before, after in pairwise(phases))
@@ -231,15 +233,14 @@ def phased_problem(spec: ProblemSpec) -> PhasedProblem:
     )
     guesses = chained_guesses(
         [phase.plant.problem for phase in phases],
-        [_said(view) for view in views],
+        [_said(phase) for phase in phases],
         lambda index, end: _begin(found, index, end),
     )
     return replace(found, phases=tuple(map(_started, phases, guesses)))
 
 
 def _phase(spec: ProblemSpec, view: PhaseView, fields: Mapping[str, Any], times: Interval) -> Phase:
-    """The phase, whose guess goes from the first of these times to the second."""
-    given = fields["guess"] or Guess()
+    """The phase between these times of the guess."""
     objective = fields["objective"]
     if not isinstance(objective, Objective):
         objective = Objective.model_construct(**objective)
@@ -248,7 +249,6 @@ def _phase(spec: ProblemSpec, view: PhaseView, fields: Mapping[str, Any], times:
         "submitted_model": view.model,
         "initial_time": times[0],
         "objective": objective,
-        "guess": given.changed(final_time=times[1]),
         "phases": [],
         "links": [],
     }
@@ -292,9 +292,19 @@ def _begin(problem: PhasedProblem, index: int, end: End) -> Mapping[str, float]:
     return {name: float(value) for name, value in values.items() if np.isfinite(value)}
 
 
-def _said(view: PhaseView) -> frozenset[str]:
+def _guess(view: PhaseView, common: Mapping[str, Mapping[str, Any]], times: Interval) -> Guess:
+    """What a phase says of where it starts, and of its own names what is said of the whole flight."""
+    own: Guess = view.phase.get("guess") or Guess()
+    if not view.has_own_model and own.from_result is None:
+        own = own.changed(
+            states={**common["states"], **own.states}, controls={**common["controls"], **own.controls}
+        )
+    return own.changed(final_time=times[1])
+
+
+def _said(phase: Phase) -> frozenset[str]:
     """The states and controls of which the document says how they go in a phase."""
-    guess = fields_of(view.phase.get("guess"))
+    guess = fields_of(phase.spec.guess)
     earlier = guess.get("from_result") or {}
     return frozenset().union(
         *(table.get(key) or {} for table in (guess, earlier) for key in ("states", "controls"))

@@ -92,8 +92,13 @@ class PhasedSession(Solving[PhasedSolved]):
         warm: bool = False,
         obeys: bool = False,
     ) -> PhasedSolved:
-        """See :class:`~solvers.session.Solving`."""
+        """See :class:`~solvers.session.Solving`.
+
+        Where phases meet is guessed, however well they obey the model in between: from the low barrier that
+        such starts are good for alone, phases shrink to nothing.
+        """
         together = PhasedTranscription(self.problem, transcriptions)
+        obeys = obeys and len(transcriptions) == 1
         outcome = self.optimise(together, stage, share, warm=warm, obeys=obeys)
         solved = PhasedSolved(together, outcome, together.trajectory(outcome.unknowns))
         nodes = sum(int(part.nodes.size) for part in solved.trajectory.parts)

@@ -111,9 +111,18 @@ def solve_phases(
         sensitivity=sensitivity,
         convergence=session.convergence,
         starts=[start_report(item, item.trajectory.tf, kept=item is answers[0]) for item in answers],
-        warnings=[*problem.warnings, *improved.warnings],
+        warnings=[*problem.warnings, *_empty(problem, solved), *improved.warnings],
         statistics=statistics_of(solved, session),
     )
+
+
+def _empty(problem: PhasedProblem, solved: PhasedSolved) -> Iterator[dict[str, str]]:
+    for index in solved.empty_parts:
+        detail = (
+            f"The phase '{problem.phases[index].name}' takes next to no time, so that nothing depends on its"
+            " controls: that may be no optimum. Guess its final_time, or give it a point or a cost."
+        )
+        yield {"code": "empty_phase", "pointer": f"/problem/phases/{index}", "detail": detail}
 
 
 def _certified(

@@ -117,9 +117,6 @@ def _not_done(document: Mapping[str, Any]) -> Iterator[tuple[Path, str]]:
         yield ("problem", "scenarios"), "scenarios"
     if mapping(problem.get("objective")).get("maximum") is not None:
         yield ("problem", "objective", "maximum"), "a maximum over the whole flight (that of a phase is done)"
-    for key in ("states", "controls", "from_result"):
-        if mapping(problem.get("guess")).get(key):
-            yield ("problem", "guess", key), "a guess of the whole flight (that of a phase is done)"
     if document.get("warm_start") is not None:
         yield ("warm_start",), "'warm_start'"
 

@@ -120,6 +120,33 @@ def test_a_jump_carries_the_errors_of_meshes_on() -> None:
     assert result["verification"]["terminal_error"] <= 1e-7
 
 
+def test_coasting_between_two_burns_and_a_phase_that_shrinks_to_nothing() -> None:
+    """Speeding up, a second without thrust, slowing down: v^2 + v = 1, and 2 v + 1 in all.
+
+    Without a first phase nothing depends on its thrust: from there a mesh takes that for an optimum.
+    """
+    drift = {"bounds": {"u": 0}, "boundary_constraints": [{"expression": "tf - t0", "bounds": 1}]}
+    result = result_of(cut(RIGID_BODY, {}, drift, {}))
+    assert result["success"], result["message"]
+    assert result["objective"] == pytest.approx(np.sqrt(5), abs=1e-9)
+    assert result["switching"]["u"]["levels"] == [1.0, None, -1.0]
+    assert result["warnings"] == []
+    nothing = {"guess": {"final_time": 1e-9}}
+    empty = result_of(cut(RIGID_BODY, nothing, drift, {}, method={"name": "hermite_simpson"}))
+    assert [(item["code"], item["pointer"]) for item in empty["warnings"]] == [
+        ("empty_phase", "/problem/phases/0")
+    ]
+
+
+def test_a_guess_of_the_whole_flight() -> None:
+    """Goddard's rocket, cut along its singular arc, from the guess that it needs."""
+    goddard = load_case("goddard")
+    result = result_of(cut(goddard, {"final_time": 0.05}, {}))
+    assert result["success"], result["message"]
+    assert result["objective"] == pytest.approx(goddard["reference"]["objective"], abs=1e-9)
+    assert result["switching"]["T"]["arcs"] == ["upper", "interior", "lower"]
+
+
 def test_what_is_not_refined_is_adapted() -> None:
     """A window along one phase is none of arcs: the choice falls on meshes, and an order is refused."""
     document = cut(

@@ -125,7 +125,6 @@ def test_every_mistake_is_reported_at_once() -> None:
     [
         ({"method": {"name": "ga"}}, "/method/name"),
         ({"objective": {"maximum": "u"}}, "/problem/objective/maximum"),
-        ({"guess": {"states": {"x": [0, 1]}}}, "/problem/guess/states"),
         ({"warm_start": "x"}, "/warm_start"),
     ],
 )
