@@ -78,8 +78,8 @@ class Block:
         begin: Begin,
     ) -> None:
         problem, answer = leg.problem, leg.answer
-        self._leg, self._problem, self._commands, self._limits = leg, problem, commands, limits
-        self._span = span
+        self._leg, self._problem, self._span, self._limits = leg, problem, span, limits
+        self._breakpoints, self._commands = commands.breakpoints(*span), commands.told(problem.controls)
         design = [
             with_first(answer.design.get(item.name, item.guess), draws.parameters.get(item.name), draws.runs)
             for item in problem.design
@@ -112,9 +112,7 @@ class Block:
         begin, end = self._span
         self._watch = watch
         corners = corner_times(self._problem)
-        stops = _stops(
-            self._commands.breakpoints(begin, end), np.append(corners, np.linspace(begin, end, SAMPLES))
-        )
+        stops = _stops(self._breakpoints, np.append(corners, np.linspace(begin, end, SAMPLES)))
         controls = first = self._felt(stops[0], stops[1], 0.0)
         self._look(begin, first)
         for start, stop in pairwise(stops):
@@ -175,14 +173,14 @@ class Block:
     def _begin(self, start: float, length: float) -> None:
         self._watch(start, self._population.steps)
         self._times = inside(start, start + length, NODES)
-        self._told = self._commands.at(self._times, self._problem.controls)
+        self._told = self._commands.at(self._times)
 
     def _rate(self, stage: int, states: Vector, rates: Vector) -> None:
         self._fleet.rate(states, self._told[:, stage], self._times[stage], rates)
 
     def _felt(self, start: float, stop: float, part: float) -> Vector:
         """The controls (m, P) at a part of a step."""
-        told = self._commands.at(inside(start, stop, np.array([part])), self._problem.controls)[:, 0]
+        told = self._commands.at(inside(start, stop, np.array([part])))[:, 0]
         return self._fleet.controls(self._population.states, told)
 
     def _look(self, t: float, controls: Vector) -> None:

@@ -16,6 +16,7 @@ from solvers.spec import CommandSpec
 from solvers.time_knots import flight_corners
 
 Vector = NDArray[np.float64]
+Rows = NDArray[np.intp]
 
 _INSIDE = 1e-11
 
@@ -48,21 +49,18 @@ class Commands:
         every = np.concatenate([own + delay for delay in {self.delays.get(name, 0.0) for name in controls}])
         return np.concatenate([[start], np.unique(every[(every > start) & (every < end)]), [end]])
 
-    def at(self, times: Vector, controls: Sequence[str]) -> Vector:
-        """Commands (m, K) of these controls at K times."""
-        values = np.zeros((len(controls), times.size))
-        delays = np.array([self.delays.get(name, 0.0) for name in controls])
-        for delay in np.unique(delays):
-            own = times - delay
-            for piece in self.pieces:
-                flown = piece.trajectory
-                given = (own > flown.t0) & (own < flown.tf)
-                if given.any():
-                    found = dict(zip(flown.controls, piece.clipped(flown.tau(own[given])), strict=True))
-                    for row, name in enumerate(controls):
-                        if name in found and delays[row] == delay:
-                            values[row, given] = found[name]
-        return values
+    def told(self, controls: Sequence[str]) -> Told:
+        """The commands of these controls."""
+        delays = [self.delays.get(name, 0.0) for name in controls]
+        sources = []
+        for piece in self.pieces:
+            columns = {name: column for column, name in enumerate(piece.trajectory.controls)}
+            for delay in sorted({*delays}):
+                rows = [row for row, name in enumerate(controls) if name in columns and delays[row] == delay]
+                if rows:
+                    own = np.array([columns[controls[row]] for row in rows])
+                    sources.append((delay, piece, np.array(rows), own))
+        return Told(len(controls), sources)
 
     def sizes(self, controls: Sequence[str]) -> Vector:
         """The largest magnitude (m,) of each of these controls."""
@@ -72,6 +70,27 @@ class Commands:
             for name, value in zip(piece.trajectory.controls, values, strict=True):
                 largest[name] = max(largest.get(name, 0.0), float(value))
         return np.array([largest[name] for name in controls], np.float64)
+
+
+@dataclass(frozen=True)
+class Told:
+    """Commands of some controls over time.
+
+    ``sources``: a delay, the piece that comes late by it, and which rows are which of its controls.
+    """
+
+    count: int
+    sources: Sequence[tuple[float, FlownControls, Rows, Rows]]
+
+    def at(self, times: Vector) -> Vector:
+        """Commands (m, K) at K times."""
+        values = np.zeros((self.count, times.size))
+        for delay, piece, rows, columns in self.sources:
+            flown, own = piece.trajectory, times - delay
+            given = (own > flown.t0) & (own < flown.tf)
+            if given.any():
+                values[np.ix_(rows, given)] = piece.clipped(flown.tau(own[given]))[columns]
+        return values
 
 
 def inside(start: float, stop: float, parts: Vector) -> Vector:
