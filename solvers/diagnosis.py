@@ -2,20 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
-from solvers.elastic import Wish, elastic_problem, place_in_document, wishes_of
+from solvers.elastic import Wish, elastic_problem, wishes_of, wishes_over_all
 from solvers.meshes import Mesh
-from solvers.problem import OptimalControlProblem
-from solvers.session import Session, Solved
-from solvers.spec import ProblemSpec
+from solvers.session import Ended, Part, Solving, Stand
 from solvers.status import SolveStatus
 from solvers.trajectory import Trajectory
 from solvers.transcription.base import Transcription
+
+Place = Callable[[int, str], str]
+"""The place in the document of what stands at a pointer into the problem of a part."""
 
 # Slacks up to this part of their scale are what the tolerance of a program leaves.
 _NOTHING = 1e-6
@@ -25,14 +26,57 @@ _CLEARLY = 1e-2
 _UNDECIDED = (SolveStatus.INFEASIBLE, SolveStatus.ITERATION_LIMIT, SolveStatus.DIVERGED)
 
 
+@dataclass(frozen=True)
+class _Wishes:
+    """What may give of each part, and of what counts over all of them, whose slacks the first part has."""
+
+    by_part: Sequence[Sequence[Wish]]
+    over_all: Sequence[Wish]
+
+    @classmethod
+    def of(cls, session: Solving[Any]) -> _Wishes:
+        """Everything that may give."""
+        parts = [wishes_of(part.problem, part.scaling, index) for index, part in enumerate(session.parts)]
+        return cls(parts, wishes_over_all(*session.over_all))
+
+    def giving(self, relaxed: Stand[Any, Any], least: float) -> list[_Given]:
+        """What gives by more than the part ``least`` of its scale."""
+        found = [
+            _Given(index, wish, part.trajectory)
+            for index, (wishes, part) in enumerate(zip(self.by_part, relaxed.parts, strict=True))
+            for wish in wishes
+        ]
+        found += [_Given(None, wish, relaxed.parts[0].trajectory) for wish in self.over_all]
+        return [item for item in found if item.share > least]
+
+
+@dataclass(frozen=True)
+class _Given:
+    """A wish of a part (None: of all of them), and the trajectory that has its slack."""
+
+    part: int | None
+    wish: Wish
+    trajectory: Trajectory
+
+    @property
+    def violation(self) -> float:
+        """By how much it gives."""
+        return self.trajectory.design[self.wish.slack]
+
+    @property
+    def share(self) -> float:
+        """That as a part of its scale."""
+        return self.violation / self.wish.scale
+
+
 def diagnose(
-    session: Session, spec: ProblemSpec, solved: Solved, finest: Mesh | None = None, span: float = 1.0
-) -> tuple[Solved, list[dict[str, Any]]]:
+    session: Solving[Ended], place: Place, solved: Ended, finest: Mesh | None = None, span: float = 1.0
+) -> tuple[Ended, list[dict[str, Any]]]:
     """Find out what stands against an answer that did not converge, by an elastic re-solve on its mesh.
 
-    ``finest``: the mesh that is asked for, where the answer is of a coarser one. What has to give there by
-    more than coarse meshes err is solved for again on the finest mesh, which has the last word; otherwise the
-    finest mesh is solved as if nothing had been found.
+    ``place``: where things stand in the document. ``finest``: the mesh that is asked for, where the answer is
+    of a coarser one. What has to give there by more than coarse meshes err is solved for again on the finest
+    mesh, which has the last word; otherwise the finest mesh is solved as if nothing had been found.
 
     Where limits have to give, the answer comes back as ``infeasible``, with the ``diagnosis`` of the result:
     ``pointer`` into the document, ``name``, ``violation`` in its own units, ``at``, the time at which that is
@@ -42,51 +86,64 @@ def diagnose(
     Where the elastic problem is not solved either, the answer comes back as it was.
     ``span``: the part of all work that is done. Raises whatever the progress of the session raises.
     """
-    problem, scaling = solved.transcription.problem, solved.transcription.scaling
-    wishes = wishes_of(problem, scaling)
-    if solved.outcome.status not in _UNDECIDED or session.stop is not None or not wishes:
+    if solved.outcome.status not in _UNDECIDED or session.stop is not None:
         return solved, []
-    asked = solved.transcription if finest is None else finest(problem, scaling, solved.transcription.start)
-    relaxed = _relaxed(session, solved.transcription, wishes, span)
-    if asked.mesh != solved.transcription.mesh and not relaxed.stopped:
-        if not (relaxed.converged and _gives(wishes, relaxed.trajectory, _CLEARLY)):
-            return diagnose(session, spec, session.solve(asked, "solve", (span, span)), span=span)
-        asked = replace(asked, start=relaxed.trajectory)
+    wishes = _Wishes.of(session)
+    if not any((*wishes.by_part, wishes.over_all)):
+        return solved, []
+    own = [part.transcription for part in solved.parts]
+    asked = own if finest is None else [finest(item.problem, item.scaling, item.start) for item in own]
+    relaxed = _relaxed(session, own, wishes, span)
+    if [item.mesh for item in asked] != [item.mesh for item in own] and not relaxed.stopped:
+        if not (relaxed.converged and wishes.giving(relaxed, _CLEARLY)):
+            return diagnose(session, place, session.solve_parts(asked, "solve", (span, span)), span=span)
+        asked = _from(asked, relaxed)
         relaxed = _relaxed(session, asked, wishes, span, warm=True)
     if relaxed.outcome.status is SolveStatus.CANCELLED:
         return replace(solved, outcome=replace(solved.outcome, status=SolveStatus.CANCELLED)), []
     if not relaxed.converged:
         return solved, []
-    found = _report(problem, spec, _gives(wishes, relaxed.trajectory, _NOTHING), relaxed.trajectory)
+    found = _report(session, place, wishes.giving(relaxed, _NOTHING))
     if found:
         return replace(solved, outcome=replace(solved.outcome, status=SolveStatus.INFEASIBLE)), found
-    again = replace(asked, start=relaxed.trajectory)
-    answer = session.solve(again, "solve from a feasible point", (span, span), warm=True)
+    again = _from(asked, relaxed)
+    answer = session.solve_parts(again, "solve from a feasible point", (span, span), warm=True)
     return (answer if answer.converged or answer.stopped else solved), []
 
 
+def _from(asked: Sequence[Transcription], solved: Stand[Any, Any]) -> list[Transcription]:
+    """The transcriptions, started from an answer."""
+    pairs = zip(asked, solved.parts, strict=True)
+    return [replace(item, start=part.trajectory) for item, part in pairs]
+
+
 def _relaxed(
-    session: Session, asked: Transcription, wishes: Sequence[Wish], span: float, *, warm: bool = False
-) -> Solved:
-    """The elastic problem on the mesh of a transcription and from its start, which is no level of the answer.
+    session: Solving[Ended],
+    asked: Sequence[Transcription],
+    wishes: _Wishes,
+    span: float,
+    *,
+    warm: bool = False,
+) -> Ended:
+    """The elastic problem on the meshes of transcriptions and from their starts, which is no level of the
+    answer.
 
     ``warm``: the start is an elastic answer, which has the slacks too.
     """
-    start, scaling = asked.start, asked.scaling
-    elastic = replace(
-        asked,
-        problem=elastic_problem(asked.problem, wishes, start),
-        scaling=replace(scaling, design=np.append(scaling.design, [wish.scale for wish in wishes])),
-    )
-    aside = replace(session, convergence=[])
-    relaxed = aside.solve(elastic, "diagnose", (span, span), warm=warm)
+    parts = []
+    for index, (item, own) in enumerate(zip(asked, wishes.by_part, strict=True)):
+        over_all = () if index else wishes.over_all
+        scales = [wish.scale for wish in (*own, *over_all)]
+        scaling = replace(item.scaling, design=np.append(item.scaling.design, scales))
+        parts.append(Part(elastic_problem(item.problem, own, item.start, index, over_all), scaling))
+    aside = session.relaxed(parts, [side for wish in wishes.over_all for side in wish.sides])
+    elastic = [
+        replace(item, problem=part.problem, scaling=part.scaling)
+        for item, part in zip(asked, parts, strict=True)
+    ]
+    relaxed = aside.solve_parts(elastic, "diagnose", (span, span), warm=warm)
     session.iterations = aside.iterations
     return relaxed
-
-
-def _gives(wishes: Sequence[Wish], trajectory: Trajectory, least: float) -> list[Wish]:
-    """What gives by more than the part ``least`` of its scale."""
-    return [wish for wish in wishes if trajectory.design[wish.slack] > least * wish.scale]
 
 
 def sentence(diagnosis: Sequence[Mapping[str, Any]]) -> list[str]:
@@ -104,27 +161,33 @@ def _label(item: Mapping[str, Any]) -> str:
     return f"{label} of '{item['scenario']}'" if "scenario" in item else str(label)
 
 
-def _report(
-    problem: OptimalControlProblem, spec: ProblemSpec, giving: Sequence[Wish], trajectory: Trajectory
-) -> list[dict[str, Any]]:
-    slacks = trajectory.design
-    giving = sorted(giving, key=lambda wish: -slacks[wish.slack] / wish.scale)
-    return [
-        {
-            "pointer": place_in_document(spec, wish.limit.pointer),
-            "name": wish.limit.name.partition("@")[0],
-            "violation": slacks[wish.slack],
-            "at": _time(problem, wish, trajectory),
-            **({"scenario": case} if (case := wish.limit.pointer.partition("@")[2]) else {}),
-        }
-        for wish in giving
-    ]
+def _report(session: Solving[Any], place: Place, giving: Sequence[_Given]) -> list[dict[str, Any]]:
+    """The ``diagnosis`` of a result; a limit of several phases stands there once, where it gives most."""
+    found: dict[str, dict[str, Any]] = {}
+    for item in sorted(giving, key=lambda item: -item.share):
+        limit = item.wish.limit
+        pointer = limit.pointer if item.part is None else place(item.part, limit.pointer)
+        case = limit.pointer.partition("@")[2]
+        found.setdefault(
+            f"{pointer}@{case}",
+            {
+                "pointer": pointer,
+                "name": limit.name.partition("@")[0],
+                "violation": item.violation,
+                "at": _time(session, item),
+                **({"scenario": case} if case else {}),
+            },
+        )
+    return list(found.values())
 
 
-def _time(problem: OptimalControlProblem, wish: Wish, trajectory: Trajectory) -> float | None:
+def _time(session: Solving[Any], given: _Given) -> float | None:
     """When a limit has to give most."""
-    if not wish.along:
-        at_the_end = wish.limit.pointer.startswith("/problem/final_")
-        return trajectory.tf if at_the_end else None
-    tau = trajectory.nodes
-    return float(trajectory.time(tau)[np.argmax(wish.excess(problem, trajectory, tau))])
+    trajectory = given.trajectory
+    if given.part is not None and given.wish.along:
+        tau = trajectory.nodes
+        excess = given.wish.excess(session.parts[given.part].problem, trajectory, tau)
+        return float(trajectory.time(tau)[np.argmax(excess)])
+    if given.wish.limit.pointer.startswith("/problem/final_"):
+        return trajectory.tf
+    return trajectory.t0 if given.wish.limit.pointer.startswith("/problem/initial_") else None

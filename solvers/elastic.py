@@ -68,8 +68,8 @@ class Wish:
         return np.where(self.limit.holds_at(tau), outside, 0.0)
 
 
-def wishes_of(problem: OptimalControlProblem, scaling: Scaling) -> list[Wish]:
-    """Everything of a problem that may give.
+def wishes_of(problem: OptimalControlProblem, scaling: Scaling, phase: int = 0) -> list[Wish]:
+    """Everything of a problem that may give; of that of the first of several phases, or of a later one.
 
     Pointers are those of :class:`OptimalControlProblem`, which names the states of scenarios by ``@``.
     """
@@ -88,11 +88,26 @@ def wishes_of(problem: OptimalControlProblem, scaling: Scaling) -> list[Wish]:
         found.append((Constraint(item.name, item.pointer, named(item.name), item.interval), scale, False))
     found += [(item, magnitude(item.interval), True) for item in problem.path if _asked_for(item)]
     found += [(item, magnitude(item.interval), False) for item in problem.boundary if _asked_for(item)]
+    if phase:
+        found += _begins(problem, [*of_states], [*of_controls])
     return [
-        Wish(limit, f"{_SLACK}{number}", float(scale), along)
+        Wish(limit, f"{_SLACK}{phase}.{number}", float(scale), along)
         for number, (limit, scale, along) in enumerate(found)
         if np.isfinite(limit.interval).any()
     ]
+
+
+def _begins(
+    problem: OptimalControlProblem, of_states: Sequence[float], of_controls: Sequence[float]
+) -> Iterator[tuple[Constraint, float, bool]]:
+    """Where a later phase is to begin, with the scales of states and controls."""
+    for names, begins, key, scales in (
+        (problem.states, problem.initial_state, "initial_state", of_states),
+        (problem.controls, problem.initial_control, "initial_control", of_controls),
+    ):
+        for name, begin, scale in zip(names, begins, scales, strict=True):
+            own = "initial_control" if name in problem.rated else key
+            yield Constraint(name, f"/problem/{own}/{name}", named(f"{name}_0"), begin), scale, False
 
 
 def wishes_over_all(totals: Sequence[Integral], boundary: Sequence[Constraint]) -> list[Wish]:
@@ -106,11 +121,25 @@ def wishes_over_all(totals: Sequence[Integral], boundary: Sequence[Constraint]) 
 
 
 def elastic_problem(
-    problem: OptimalControlProblem, wishes: Sequence[Wish], start: Start
+    problem: OptimalControlProblem,
+    wishes: Sequence[Wish],
+    start: Start,
+    phase: int = 0,
+    over_all: Sequence[Wish] = (),
 ) -> OptimalControlProblem:
-    """The problem in which the wishes give; its slacks begin with what the start needs of them."""
+    """The problem in which the wishes give; its slacks begin with what the start needs of them.
+
+    Of a later ``phase`` also where it begins gives. ``over_all``: wishes of all phases whose slacks it has.
+    """
     tau = np.linspace(0.0, 1.0, _SAMPLES)
     first = [float(wish.excess(problem, start, tau).max()) if wish.along else 0.0 for wish in wishes]
+    slacks = [*zip(wishes, first, strict=True), *((wish, 0.0) for wish in over_all)]
+    if phase:
+        problem = replace(
+            problem,
+            initial_state=(FREE,) * len(problem.states),
+            initial_control=(FREE,) * len(problem.controls),
+        )
     return replace(
         problem,
         state_bounds=(FREE,) * len(problem.states),
@@ -121,13 +150,10 @@ def elastic_problem(
         path=_softened(problem.path, [wish for wish in wishes if wish.along]),
         boundary=_softened(problem.boundary, [wish for wish in wishes if not wish.along]),
         running_cost=None,
-        terminal_cost=total([product(parse(1.0 / wish.scale), named(wish.slack)) for wish in wishes]),
+        terminal_cost=total([product(parse(1.0 / wish.scale), named(wish.slack)) for wish, _ in slacks]),
         design=(
             *problem.design,
-            *(
-                DesignParameter(wish.slack, (0.0, np.inf), guess)
-                for wish, guess in zip(wishes, first, strict=True)
-            ),
+            *(DesignParameter(wish.slack, (0.0, np.inf), guess) for wish, guess in slacks),
         ),
     )
 

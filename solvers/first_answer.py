@@ -30,17 +30,12 @@ def first_answers(
     starts: int,
     earlier: AnyTrajectory | None,
     span: float,
-    *,
-    asks_why: bool = True,
 ) -> list[Ended]:
     """Answers on the finest mesh, best first: one for each start, or the one that ``earlier`` leads to.
 
-    ``span``: the part of all work that this is; ``asks_why``: what has no feasible point is diagnosed
-    afterwards. Raises whatever the progress of the session raises.
+    ``span``: the part of all work that this is. Raises whatever the progress of the session raises.
     """
-    answers = _from_earlier(session, meshes, earlier, span) or _from_starts(
-        session, meshes, starts, span, asks_why=asks_why
-    )
+    answers = _from_earlier(session, meshes, earlier, span) or _from_starts(session, meshes, starts, span)
     return sorted(answers, key=_rank)
 
 
@@ -72,16 +67,14 @@ def _from_earlier(
     return [solved] if solved.converged or solved.stopped else []
 
 
-def _from_starts(
-    session: Solving[Ended], meshes: Sequence[Mesh], count: int, span: float, *, asks_why: bool
-) -> list[Ended]:
+def _from_starts(session: Solving[Ended], meshes: Sequence[Mesh], count: int, span: float) -> list[Ended]:
     """An answer from each start, ``span`` of all work; fewer if somebody or the clock asks to stop."""
     answers: list[Ended] = []
     for index, starts in enumerate(_starts(session, count)):
         stage = "solve" if count == 1 else f"start {index + 1} of {count}"
         share = span * index / count, span * (index + 1) / count
         # Where nothing else is tried, why a coarse mesh has no feasible point is asked before a fine one is.
-        answers.append(_continue(session, meshes, starts, stage, share, asks_why=asks_why and count == 1))
+        answers.append(_continue(session, meshes, starts, stage, share, asks_why=count == 1))
         if answers[-1].stopped:
             break
     return answers

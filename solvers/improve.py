@@ -117,8 +117,6 @@ def answers_of(
     spec: JobSpec,
     earlier: AnyTrajectory | None,
     span: float,
-    *,
-    asks_why: bool = True,
 ) -> tuple[Method, list[Ended]]:
     """The first answers, best first, and the method that they are by; see :func:`first_answers`.
 
@@ -128,9 +126,7 @@ def answers_of(
     methods, limit = first_methods(spec.method), session.max_iterations
     for method in methods:
         session.max_iterations = limit if method is methods[-1] else min(limit, _FIRST_ITERATIONS)
-        answers = first_answers(
-            session, meshes_of(method), spec.options.starts, earlier, span, asks_why=asks_why
-        )
+        answers = first_answers(session, meshes_of(method), spec.options.starts, earlier, span)
         best = answers[0]
         if best.stopped or not (best.outcome.status in _NO_END or best.collapsed):
             break

@@ -86,7 +86,4 @@ def fly_legs(
 
 
 def _of_phase(phase: Phase, link: Link, answer: Trajectory) -> Leg:
-    def located(alone: str) -> str:
-        return phase.located(place_in_document(phase.spec, alone))
-
-    return Leg(phase.name, phase.plant.problem, answer, link, phase.spec, located)
+    return Leg(phase.name, phase.plant.problem, answer, link, phase.spec, phase.place)

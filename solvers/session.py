@@ -5,8 +5,8 @@ from __future__ import annotations
 import time
 from abc import abstractmethod
 from collections.abc import Hashable, Sequence
-from dataclasses import dataclass, field, fields
-from typing import Any, Generic, Protocol, TypeVar
+from dataclasses import dataclass, field, fields, replace
+from typing import Any, Generic, Protocol, Self, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +16,7 @@ from solvers.optimizers.ipopt import Ipopt, Iterate, Limits, Outcome
 from solvers.problem import OptimalControlProblem
 from solvers.program import NonlinearProgram
 from solvers.progress import Progress, ProgressReport
+from solvers.quantities import Constraint, Integral
 from solvers.scaling import Scaling
 from solvers.solution import Statistics
 from solvers.status import SolveStatus
@@ -258,6 +259,15 @@ class Solving(Account, Generic[Ended]):
     def joints(self) -> int:
         """The number of equations that join the parts."""
 
+    @property
+    @abstractmethod
+    def over_all(self) -> tuple[Sequence[Integral], Sequence[Constraint]]:
+        """The integrals over all parts, and what else counts over all of them; nothing of a single one."""
+
+    @abstractmethod
+    def relaxed(self, parts: Sequence[Part], limits: Sequence[Constraint]) -> Self:
+        """What solves these parts instead, with its own levels; over all of them count ``limits`` alone."""
+
     @abstractmethod
     def pinned(self, index: int) -> Part:
         """A part whose joints to other parts are where the guess has them."""
@@ -295,6 +305,16 @@ class Session(Solving[Solved]):
     def joints(self) -> int:
         """See :class:`Solving`."""
         return 0
+
+    @property
+    def over_all(self) -> tuple[Sequence[Integral], Sequence[Constraint]]:
+        """See :class:`Solving`."""
+        return (), ()
+
+    def relaxed(self, parts: Sequence[Part], limits: Sequence[Constraint]) -> Self:
+        """See :class:`Solving`."""
+        (part,) = parts
+        return replace(self, problem=part.problem, scaling=part.scaling, convergence=[])
 
     def pinned(self, index: int) -> Part:
         """See :class:`Solving`."""

@@ -9,6 +9,7 @@ from typing import Any
 
 from solvers.certificate import hamiltonian_drift
 from solvers.diagnosis import diagnose, sentence
+from solvers.elastic import place_in_document
 from solvers.errors import DocumentError, Fault
 from solvers.genetic.solve import solve_by_genes
 from solvers.improve import answers_of, first_methods, first_span, improve, other_structures, resume
@@ -69,10 +70,14 @@ def solve(
     method = first_methods(spec.method)[0]
     span = first_span(spec.method)
     diagnosis: list[dict[str, Any]] = []
+
+    def place(_: int, pointer: str) -> str:
+        return place_in_document(spec.problem, pointer)
+
     improved = resume(session, spec.method, earlier)
     if improved is None:
         method, answers = answers_of(session, spec, earlier, span)
-        answers[0], diagnosis = diagnose(session, spec.problem, answers[0], meshes_of(method)[-1], span)
+        answers[0], diagnosis = diagnose(session, place, answers[0], meshes_of(method)[-1], span)
         improved = improve(session, spec.method, method, answers[0], span)
     else:
         answers = [improved.solved]

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from solvers.certificate import hamiltonian_drift
 from solvers.diagnosis import diagnose, sentence
+from solvers.elastic import place_in_document
 from solvers.first_answer import first_answers
 from solvers.genetic.answer import Simulation, end_error, fly, polish, scale_of
 from solvers.genetic.islands import Islands
@@ -188,7 +189,9 @@ def _finished(
         residual = end_error(session.problem, answer.trajectory, answer.integrals)
         share = _SEARCHED, end
         solved = polish(session, method, search.best, answer.trajectory, residual, share)
-        solved, diagnosis = diagnose(session, spec, solved, span=end)
+        solved, diagnosis = diagnose(
+            session, lambda _, pointer: place_in_document(spec, pointer), solved, span=end
+        )
         answer = replace(_reached(Improved(solved)), diagnosis=diagnosis)
         if method.polish == "penalty":
             residual = end_error(session.problem, answer.trajectory, answer.integrals)

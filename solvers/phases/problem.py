@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from solvers.backends import NUMPY, Backend
+from solvers.elastic import place_in_document
 from solvers.errors import pointer
 from solvers.expressions import Expression, named, parse, total
 from solvers.lifting import corners, lifted, with_peak
@@ -61,6 +62,10 @@ class Phase:
     def name(self) -> str:
         """Its name."""
         return self.plant.name
+
+    def place(self, alone: str) -> str:
+        """See :meth:`located`; as submitted, where a pointer names a state of which ``*`` speaks."""
+        return self.located(place_in_document(self.spec, alone))
 
     def located(self, alone: str) -> str:
         """The pointer into the document of what stands at a pointer into the problem of this phase alone."""
@@ -117,6 +122,10 @@ class PhasedProblem:
         return (
             times + sum(len(link.starts) for link in self.links) + sum(max(count - 1, 0) for count in owners)
         )
+
+    def place(self, index: int, alone: str) -> str:
+        """See :meth:`Phase.place`."""
+        return self.phases[index].place(alone)
 
     @property
     def warnings(self) -> list[dict[str, str]]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +13,7 @@ from solvers.phases.problem import PhasedProblem
 from solvers.phases.trajectory import PhasedTrajectory
 from solvers.phases.transcription import PhasedTranscription
 from solvers.phases.verify import states_after
+from solvers.quantities import FREE, Constraint, Integral
 from solvers.scaling import Scaling
 from solvers.session import Part, Solved, Solving, Stand
 from solvers.transcription.base import Transcription
@@ -64,6 +66,23 @@ class PhasedSession(Solving[PhasedSolved]):
         over_all = [item.interval for item in self.problem.totals]
         over_all += [item.interval for item in self.problem.boundary]
         return self.problem.joints + sum(lower == upper for lower, upper in over_all)
+
+    @property
+    def over_all(self) -> tuple[Sequence[Integral], Sequence[Constraint]]:
+        """See :class:`~solvers.session.Solving`."""
+        return self.problem.totals, self.problem.boundary
+
+    def relaxed(self, parts: Sequence[Part], limits: Sequence[Constraint]) -> Self:
+        """See :class:`~solvers.session.Solving`."""
+        pairs = zip(self.problem.phases, parts, strict=True)
+        problem = replace(
+            self.problem,
+            phases=tuple(replace(phase, problem=part.problem) for phase, part in pairs),
+            totals=tuple(replace(item, interval=FREE) for item in self.problem.totals),
+            boundary=tuple(limits),
+            terminal_cost=None,
+        )
+        return replace(self, problem=problem, scaling=[part.scaling for part in parts], convergence=[])
 
     def pinned(self, index: int) -> Part:
         """See :class:`~solvers.session.Solving`."""

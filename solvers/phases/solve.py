@@ -12,10 +12,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from solvers.certificate import hamiltonian_drift
+from solvers.diagnosis import diagnose, sentence
 from solvers.errors import Fault
 from solvers.evaluation_fault import find_evaluation_fault
 from solvers.improve import Improved, answers_of, first_methods, first_span, improve, resume
 from solvers.judgement import flown_in_time, judged
+from solvers.meshes import meshes_of
 from solvers.model_report import model_report
 from solvers.optimizers.ipopt import Limits
 from solvers.phases.problem import PhasedProblem, phased_problem
@@ -51,10 +53,12 @@ def solve_phases(
     )
     session.seconds["build"] = time.perf_counter() - started
     method = first_methods(spec.method)[0]
+    diagnosis: list[dict[str, Any]] = []
     improved = resume(session, spec.method, earlier)
     if improved is None:
         span = first_span(spec.method)
-        method, answers = answers_of(session, spec, earlier, span, asks_why=False)
+        method, answers = answers_of(session, spec, earlier, span)
+        answers[0], diagnosis = diagnose(session, problem.place, answers[0], meshes_of(method)[-1], span)
         improved = improve(session, spec.method, method, answers[0], span)
     else:
         answers = [improved.solved]
@@ -95,7 +99,7 @@ def solve_phases(
         ],
         objective=solved.objective,
         status=status,
-        message=" ".join([message, *(item["detail"] for item in improved.warnings)]),
+        message=" ".join([message, *sentence(diagnosis), *(item["detail"] for item in improved.warnings)]),
         method={**method.model_dump(exclude_none=True), **improved.summary},
         verification=verification,
         model_report=_ends_of(reports),
@@ -112,6 +116,7 @@ def solve_phases(
         convergence=session.convergence,
         starts=[start_report(item, item.trajectory.tf, kept=item is answers[0]) for item in answers],
         warnings=[*problem.warnings, *_empty(problem, solved), *improved.warnings],
+        diagnosis=diagnosis,
         statistics=statistics_of(solved, session),
     )
 
