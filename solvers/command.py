@@ -19,7 +19,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from solvers.bases.legendre import legendre_gauss
+from solvers.bases.legendre import composite_gauss
 from solvers.coast import coast
 from solvers.curves import Curve, StepCurve
 from solvers.flight import INTEGRATOR, RTOL, FlightError
@@ -106,10 +106,8 @@ def _integrals(answer: Trajectory, name: str, edges: Vector) -> Vector:
     curve = _curve(answer, name)
     inner = np.clip((edges - answer.t0) / answer.duration, 0.0, 1.0)
     breaks = np.union1d(answer.breakpoints, inner)
-    widths = np.diff(breaks)
-    points, weights = legendre_gauss(_GAUSS_POINTS)
-    tau = breaks[:-1, None] + widths[:, None] * (points + 1.0) / 2.0
-    pieces = widths * (curve(tau.ravel()).reshape(tau.shape) @ weights) / 2.0
+    tau, weights = composite_gauss(breaks, _GAUSS_POINTS)
+    pieces = (weights * curve(tau)).reshape(-1, _GAUSS_POINTS).sum(axis=1)
     totals = np.concatenate([[0.0], np.cumsum(pieces)])
     sums = np.diff(totals[np.searchsorted(breaks, inner)])
     return np.asarray(sums * answer.duration, np.float64)

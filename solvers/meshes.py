@@ -64,7 +64,8 @@ def adaptive_mesh_of(method: Method, problem: OptimalControlProblem) -> Adaptive
     """The finest mesh of :func:`meshes_of`, as one that knows how to become a better one."""
     match method:
         case SplineWaveletMethod(L=length, first_level=level, adaptive=SplineAdaptivity(max_level=highest)):
-            return SplineMesh(spline_mesh(problem, length, level), highest)
+            second_order = problem.dynamics.coordinates > 0
+            return SplineMesh(spline_mesh(problem, length, level), highest, second_order)
         case GaussPseudospectralMethod(nodes=nodes, segments=segments):
             return GaussMesh(*gauss_mesh(problem, nodes, segments), mesh_corners(problem))
         case HermiteSimpsonMethod(intervals=intervals):

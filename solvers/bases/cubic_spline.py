@@ -17,6 +17,7 @@ from scipy import sparse
 from scipy.interpolate import BSpline
 
 from solvers.bases.banded import BandedMatrix, solve_banded_system
+from solvers.bases.legendre import composite_gauss
 
 Array = NDArray[np.float64]
 
@@ -124,11 +125,9 @@ class CubicSplineSpace:
         points, degree = self.greville(derivative), DEGREE - derivative
         clamped = self._clamped(degree)
         at_points = sparse.csr_array(BSpline.design_matrix(points, clamped, degree))
-        nodes, shares = np.polynomial.legendre.leggauss(degree + 1)
-        widths = np.diff(self.knots)
-        inside = (self.knots[:-1, None] + widths[:, None] * (nodes + 1.0) / 2.0).ravel()
+        inside, shares = composite_gauss(self.knots, degree + 1)
         values = sparse.csr_array(BSpline.design_matrix(inside, clamped, degree))
-        gram = values.T @ sparse.diags_array((widths[:, None] * shares / 2.0).ravel()) @ values
+        gram = values.T @ sparse.diags_array(shares) @ values
         moments = np.asarray(at_points.T @ np.asarray(weights, np.float64), np.float64)
         coefficients = solve_banded_system(sparse.csr_array(gram), moments)
         return np.asarray(at_points @ coefficients, np.float64)

@@ -141,6 +141,19 @@ class GradedKnots:
                 return GradedKnots(self.L, levels)
             levels = np.repeat(levels + split, 1 + split)
 
+    def towards(self, place: float, level: int) -> GradedKnots:
+        """The mesh that is as fine as ``level`` around ``place`` in [0, 1], and grows coarser away from it.
+
+        An interval less than the finest width away from the place is refined with it.
+        """
+        reach, mesh = 1.0 / (self.L << level), self
+        while True:
+            knots = mesh.knots
+            near = (knots[1:] > place - reach) & (knots[:-1] < place + reach) & (mesh.levels < level)
+            if not near.any():
+                return mesh
+            mesh = mesh.adapted(mesh.levels + near)
+
     @property
     def _starts(self) -> Indices:
         return _starts(self.levels)

@@ -27,6 +27,13 @@ def legendre_gauss(count: int) -> tuple[Array, Array]:
     return _mirrored(gaps - 1.0, count, -1.0), _mirrored(weights, count, 1.0)
 
 
+def composite_gauss(breaks: Array, count: int) -> tuple[Array, Array]:
+    """``count`` Gauss points in each of the K intervals between ``breaks``, and their weights; (K count,)."""
+    nodes, weights = legendre_gauss(count)
+    widths = np.diff(breaks)[:, None]
+    return (breaks[:-1, None] + widths * (nodes + 1.0) / 2.0).ravel(), (widths * weights / 2.0).ravel()
+
+
 def gauss_support(count: int) -> Array:
     """Support points (count + 1,) of the state in the Gauss pseudospectral method: -1 and the Gauss nodes."""
     return np.concatenate([[-1.0], legendre_gauss(count)[0]])

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Generic, Protocol
 
 import numpy as np
@@ -21,9 +21,11 @@ from numpy.typing import NDArray
 from solvers.guess import Start
 from solvers.problem import OptimalControlProblem
 from solvers.refine.adaptive_optimality import suboptimality
+from solvers.refine.jumps import Jump, jumps_of
 from solvers.refine.residual import ArcErrors, arc_errors, flight_errors
 from solvers.scaling import Scaling
 from solvers.session import Ended, Solved, Solving, Stand
+from solvers.switching import is_switched
 from solvers.trajectory import Trajectory
 from solvers.transcription.base import Transcription
 from solvers.violations import SMALLEST_SCALE, scale_of
@@ -37,11 +39,13 @@ _SHARE_OF_REST = 0.7
 _SAFETY = 0.8
 # Where the flight over all arcs is off, each arc is asked for its part of what is allowed, and a little less.
 _FLIGHT_SHARE = 0.9
+# Of what controls may give away, the part for all that is no jump.
+_REST_SHARE = 0.5
 # Rounds in which the largest error must halve, or refinement does not help.
 _PATIENCE = 6
-# The program is solved this much more exactly than the mesh is asked to be.
+# The program is solved at least this much more exactly than the mesh is asked to be.
 _PROGRAM_SHARE = 1e-2
-_MOST_EXACT_PROGRAM = 1e-11
+_MOST_EXACT_PROGRAM = 1e-12
 
 
 _ADVICE = (
@@ -61,16 +65,24 @@ class AdaptiveMesh(Protocol):
         """The problem on this mesh."""
         ...
 
-    def refined(self, trajectory: Trajectory, errors: Vector, target: float) -> AdaptiveMesh:
+    def refined(
+        self, trajectory: Trajectory, errors: Vector, target: float, jumps: Sequence[Jump] = ()
+    ) -> AdaptiveMesh:
         """The next mesh, from the relative error (K,) between the breakpoints of the answer on this one.
 
-        Raises :class:`MeshLimit`.
+        ``jumps``: those of controls from bound to bound, what they give away is no part of the errors. Raises
+        :class:`MeshLimit`.
         """
         ...
 
     @property
     def summary(self) -> Mapping[str, Any]:
         """What the result says of the mesh."""
+        ...
+
+    @property
+    def control_values(self) -> int:
+        """How many values of each control are unknowns."""
         ...
 
 
@@ -85,21 +97,24 @@ class Adapted(Generic[Ended]):
 
 @dataclass(frozen=True)
 class _Assessed:
-    """Relative errors (K,) between breakpoints by part, what they must be, and the largest of any kind."""
+    """Relative errors (K,) between breakpoints by part and what they must be, and the jumps by part.
+
+    ``largest``: the largest error of any kind, which must be within ``limit``.
+    """
 
     errors: Sequence[Vector]
     target: float
+    jumps: Sequence[Sequence[Jump]]
     largest: float
-
-    @property
-    def excess(self) -> float:
-        return max(float(own.max()) for own in self.errors) / self.target
+    limit: float
 
     def better(self, meshes: Sequence[AdaptiveMesh], solved: Stand[Any, Any]) -> list[AdaptiveMesh]:
         """The next meshes; one that is good enough stays. Raises :class:`MeshLimit`."""
         return [
-            mesh.refined(part.trajectory, own, self.target) if own.max() > self.target else mesh
-            for mesh, part, own in zip(meshes, solved.parts, self.errors, strict=True)
+            mesh.refined(part.trajectory, own, self.target, jumps)
+            if own.max() > self.target or any(jump.excess > 1.0 for jump in jumps)
+            else mesh
+            for mesh, part, own, jumps in zip(meshes, solved.parts, self.errors, self.jumps, strict=True)
         ]
 
 
@@ -114,7 +129,7 @@ def adapt(
 
     ``begun``: the part of all work that is done. Raises whatever the progress of the session raises.
     """
-    session.tolerance = min(session.tolerance, max(tolerance * _PROGRAM_SHARE, _MOST_EXACT_PROGRAM))
+    asked = session.tolerance
     solved = first
     best: tuple[float, Ended, Sequence[AdaptiveMesh]] | None = None
     history: list[float] = []
@@ -127,11 +142,11 @@ def adapt(
         session.convergence[-1]["error_estimate"] = (
             assessed.largest if np.isfinite(assessed.largest) else None
         )
-        if assessed.excess <= 1.0:
+        if assessed.largest <= assessed.limit:
             return Adapted(solved, meshes, None)
         if best is None or assessed.largest < best[0]:
             best = (assessed.largest, solved, meshes)
-        history.append(assessed.excess)
+        history.append(assessed.largest)
         if len(history) > _PATIENCE and min(history[-_PATIENCE:]) > 0.5 * min(history[:-_PATIENCE]):
             reason = "refinement no longer helps"
             break
@@ -147,6 +162,7 @@ def adapt(
         session.seconds["refine"] += time.perf_counter() - started
         left = (1.0 - begun) * _SHARE_OF_REST**round_
         share = 1.0 - left, 1.0 - left * _SHARE_OF_REST
+        session.tolerance = min(asked, _program_tolerance(session, finer, tolerance))
         solved, meshes = session.solve_parts(transcriptions, f"mesh {round_ + 2}", share, warm=True), finer
     if best is None or solved.stopped:
         return Adapted(solved, meshes, f"The adaptive mesh ended {solved.outcome.status.value}.")
@@ -158,24 +174,51 @@ def adapt(
     return Adapted(best[1], best[2], detail)
 
 
+def _program_tolerance(session: Solving[Any], meshes: Sequence[AdaptiveMesh], tolerance: float) -> float:
+    """How exactly programs are solved: each bound of each value of a control gives about that away."""
+    bounds = sum(
+        2 * sum(map(is_switched, part.problem.control_bounds)) * mesh.control_values
+        for part, mesh in zip(session.parts, meshes, strict=True)
+    )
+    return max(tolerance * min(_PROGRAM_SHARE, 1.0 / max(bounds, 1)), _MOST_EXACT_PROGRAM)
+
+
 def _assess(session: Solving[Ended], solved: Ended, limit: float) -> _Assessed:
     parts = solved.parts
     found = [arc_errors(item.transcription.problem, item.trajectory) for item in parts]
     errors = [np.nan_to_num(own.worst, nan=np.inf) for own in found]
     worst = max(float(own.max()) for own in errors)
-    if worst > limit:
-        return _Assessed(errors, limit, worst)
-    # Every arc is good enough for itself: is their sum, and do the controls use what they may?
-    over_all = _flight_error(session, solved, found)
-    if over_all is not None and over_all > limit:
-        return _Assessed(errors, _FLIGHT_SHARE * worst * limit / over_all, over_all)
+    over_all = _flight_error(session, solved, found) or 0.0
     given_away = [_given_away(part) for part in parts]
-    total = sum(float(own.sum()) for own in given_away)
-    if total > 0.0:
+    largest = max(worst, over_all, sum(float(own.sum()) for own in given_away))
+    seen = [jumps_of(part.transcription.problem, part.trajectory) for part in parts]
+    share = (1.0 - _REST_SHARE) * limit / max(sum(map(len, seen)), 1)
+    split = [
+        _at_jumps(own, part.trajectory.breakpoints, gap, share)
+        for own, part, gap in zip(seen, parts, given_away, strict=True)
+    ]
+    jumps, rest = [own for own, _ in split], [gap for _, gap in split]
+    target, total = limit, sum(float(own.sum()) for own in rest)
+    if worst <= limit < over_all:
+        # Every arc is good enough for itself, but their sum is not.
+        target = _FLIGHT_SHARE * worst * limit / over_all
+    elif worst <= limit and total > 0.0:
         # What counts is the sum: the arcs with the largest parts answer for all of it.
-        share = total / max(float(own.max()) for own in given_away)
-        errors = [np.maximum(own, gap * share) for own, gap in zip(errors, given_away, strict=True)]
-    return _Assessed(errors, limit, max(float(own.max()) for own in errors))
+        weight = total / max(float(own.max()) for own in rest) / _REST_SHARE
+        errors = [np.maximum(own, gap * weight) for own, gap in zip(errors, rest, strict=True)]
+    return _Assessed(errors, target, jumps, largest, limit)
+
+
+def _at_jumps(
+    jumps: Sequence[Jump], breaks: Vector, given_away: Vector, share: float
+) -> tuple[list[Jump], Vector]:
+    """The jumps, each with how many times its ``share`` is given away there; and what is elsewhere, (K,)."""
+    rest, found = given_away.copy(), []
+    for jump in jumps:
+        arcs = (breaks[1:] > jump.start) & (breaks[:-1] < jump.stop)
+        found.append(replace(jump, excess=float(rest[arcs].sum()) / share))
+        rest[arcs] = 0.0
+    return found, rest
 
 
 def _flight_error(session: Solving[Ended], solved: Ended, found: Sequence[ArcErrors]) -> float | None:

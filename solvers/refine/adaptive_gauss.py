@@ -13,7 +13,7 @@ optimal control using decay rates of Legendre polynomial coefficients, IEEE Tran
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -25,6 +25,7 @@ from solvers.guess import Start
 from solvers.problem import OptimalControlProblem
 from solvers.refine.adaptive import MeshLimit
 from solvers.refine.adaptive_splines import largest_inside
+from solvers.refine.jumps import Jump
 from solvers.scaling import Scaling
 from solvers.trajectory import Trajectory
 from solvers.transcription.gauss_pseudospectral import GaussPseudospectral
@@ -62,7 +63,14 @@ class GaussMesh:
         """How many segments and nodes there are."""
         return {"segments": len(self.counts), "nodes": sum(self.counts)}
 
-    def refined(self, trajectory: Trajectory, errors: Vector, target: float) -> GaussMesh:
+    @property
+    def control_values(self) -> int:
+        """See :class:`~solvers.refine.adaptive.AdaptiveMesh`."""
+        return sum(self.counts)
+
+    def refined(
+        self, trajectory: Trajectory, errors: Vector, target: float, jumps: Sequence[Jump] = ()
+    ) -> GaussMesh:
         """See :class:`~solvers.refine.adaptive.AdaptiveMesh`."""
         worst = largest_inside(self.breaks, trajectory.breakpoints, errors)
         pieces = [

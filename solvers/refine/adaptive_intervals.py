@@ -9,6 +9,7 @@ ed., SIAM 2010, section 4.7 (error from the integral of the residual; at most so
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -18,6 +19,7 @@ from solvers.guess import Start
 from solvers.problem import OptimalControlProblem
 from solvers.refine.adaptive import MeshLimit
 from solvers.refine.adaptive_splines import largest_inside
+from solvers.refine.jumps import Jump
 from solvers.scaling import Scaling
 from solvers.time_knots import LONGEST_MOMENT
 from solvers.trajectory import Trajectory
@@ -51,7 +53,14 @@ class IntervalMesh:
         """How many intervals there are."""
         return {"intervals": self.knots.size - 1}
 
-    def refined(self, trajectory: Trajectory, errors: Vector, target: float) -> IntervalMesh:
+    @property
+    def control_values(self) -> int:
+        """See :class:`~solvers.refine.adaptive.AdaptiveMesh`."""
+        return 2 * self.knots.size - 1
+
+    def refined(
+        self, trajectory: Trajectory, errors: Vector, target: float, jumps: Sequence[Jump] = ()
+    ) -> IntervalMesh:
         """See :class:`~solvers.refine.adaptive.AdaptiveMesh`."""
         worst = largest_inside(self.knots, trajectory.breakpoints, errors)
         number = np.ceil((worst / (_SAFE * target)) ** (1.0 / _ORDER))

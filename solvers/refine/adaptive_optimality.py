@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from solvers.backends import NUMPY
-from solvers.bases.legendre import legendre_gauss
+from solvers.bases.legendre import composite_gauss
 from solvers.problem import OptimalControlProblem
 from solvers.trajectory import Trajectory
 
@@ -29,9 +29,7 @@ def suboptimality(problem: OptimalControlProblem, trajectory: Trajectory, costat
     costates; 0 without such controls.
     """
     breaks = trajectory.breakpoints
-    widths = np.diff(breaks)
-    points, weights = legendre_gauss(_POINTS)
-    tau = (breaks[:-1, None] + widths[:, None] * (points + 1.0) / 2.0).ravel()
+    tau, weights = composite_gauss(breaks, _POINTS)
     states, controls = trajectory.states_at(tau), trajectory.controls_at(tau)
     multipliers = np.array([np.interp(tau, trajectory.nodes, row) for row in costates])
     limits = np.array(problem.control_bounds, np.float64).reshape(-1, 2)
@@ -54,5 +52,5 @@ def suboptimality(problem: OptimalControlProblem, trajectory: Trajectory, costat
                     control[index] = bound
                 lowest = np.minimum(*map(hamiltonian, tried))
                 gap += np.maximum(np.nan_to_num(here - lowest), 0.0)
-    per_arc = gap.reshape(widths.size, _POINTS) @ weights / 2.0
-    return np.asarray(trajectory.duration * widths * per_arc, np.float64)
+    per_arc = (weights * gap).reshape(-1, _POINTS).sum(axis=1)
+    return np.asarray(trajectory.duration * per_arc, np.float64)

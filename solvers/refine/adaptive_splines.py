@@ -6,6 +6,8 @@ far below the target without it.
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -15,6 +17,7 @@ from solvers.bases.graded import GradedKnots
 from solvers.guess import Start
 from solvers.problem import OptimalControlProblem
 from solvers.refine.adaptive import MeshLimit
+from solvers.refine.jumps import Jump
 from solvers.scaling import Scaling
 from solvers.trajectory import Trajectory
 from solvers.transcription.spline_wavelet import SplineWavelet
@@ -29,6 +32,10 @@ MAX_ACTIVE = 20_000
 _INNER_ORDER = 3.0
 _EDGE_ORDER = 2.0
 _MOST_LEVELS_AT_ONCE = 2
+# Models of second order obey their equations in the mean: the order holds at changes of level too, where the
+# error is about twice that inside.
+_MOST_LEVELS_IN_THE_MEAN = 3
+_AIM_IN_THE_MEAN = 0.4
 # An interval this close to the target is refined with the bad ones, which aim this far below it.
 _CLOSE = 0.7
 _AIM = 0.8
@@ -43,10 +50,11 @@ _FAR_FROM_DONE = 30.0
 
 @dataclass(frozen=True)
 class SplineMesh:
-    """Knots of levels up to ``max_level``."""
+    """Knots of levels up to ``max_level``; ``second_order``: of a model that is."""
 
     knots: GradedKnots
     max_level: int
+    second_order: bool = False
 
     def transcription(self, problem: OptimalControlProblem, scaling: Scaling, start: Start) -> SplineWavelet:
         """See :class:`~solvers.refine.adaptive.AdaptiveMesh`."""
@@ -63,33 +71,68 @@ class SplineMesh:
             "compression": knots.dimension / knots.full,
         }
 
-    def refined(self, trajectory: Trajectory, errors: Vector, target: float) -> SplineMesh:
+    @property
+    def control_values(self) -> int:
+        """See :class:`~solvers.refine.adaptive.AdaptiveMesh`."""
+        return self.knots.intervals + (1 if self.second_order else 2)
+
+    def refined(
+        self, trajectory: Trajectory, errors: Vector, target: float, jumps: Sequence[Jump] = ()
+    ) -> SplineMesh:
         """See :class:`~solvers.refine.adaptive.AdaptiveMesh`."""
         levels = self.knots.levels
         worst = largest_inside(self.knots.knots, trajectory.breakpoints, errors)
         stuck = (worst > target) & (levels >= self.max_level)
         if stuck.any():
             # What cannot be bettered need not be bettered elsewhere either.
-            target = max(target, 0.5 * float(worst[stuck].max()))
-        if not np.any((worst > target) & (levels < self.max_level)):
-            raise MeshLimit(
-                f"max_level = {self.max_level} is reached at {_time_of_worst(trajectory, errors)}"
-            )
-        # A neighbour of a bad interval becomes the next bad one: take it along.
-        beside = np.maximum(np.append(worst[1:], 0.0), np.append(0.0, worst[:-1]))
-        size = np.maximum(worst, _BESIDE * beside)
-        with np.errstate(divide="ignore"):
-            deeper = np.ceil(np.log2(size / (_AIM * target)) / self._order)
-        change = np.where(size > _CLOSE * target, np.clip(deeper, 1, _MOST_LEVELS_AT_ONCE), 0)
-        if worst.max() > _FAR_FROM_DONE * target:
-            change = np.where(size < _JOIN * target, -1, change)
-        bad = worst > target
-        if not bad[~_widened(self._steps)].any():
-            change = self._evened(bad)
-        finer = self.knots.adapted(np.clip(levels + change, 0, self.max_level).astype(np.int64))
+            target = max(target, float(worst[stuck].max()))
+        at_jumps = {jump.place: self._level_for(jump) for jump in jumps}
+        helped = (worst > target) & (levels < self.max_level)
+        if not helped.any() and all(level <= self._level_at(place) for place, level in at_jumps.items()):
+            where = _time_of_worst(trajectory, errors)
+            raise MeshLimit(f"max_level = {self.max_level} is reached at {where}")
+        wanted = np.clip(levels + self._change(worst, target), 0, self.max_level)
+        finer = self.knots.adapted(wanted)
+        for place, level in at_jumps.items():
+            finer = finer.towards(place, level)
         if finer.dimension > MAX_ACTIVE:
             raise MeshLimit(f"more than {MAX_ACTIVE:,} active functions would be needed")
         return replace(self, knots=finer)
+
+    def _change(self, worst: Vector, target: float) -> NDArray[np.int64]:
+        """By how many levels each interval is split or joined, from its error."""
+        bad = worst > target
+        if self.second_order and not bad.any():
+            return np.zeros(worst.size, np.int64)
+        # A neighbour of a bad interval becomes the next bad one: take it along.
+        beside = np.maximum(np.append(worst[1:], 0.0), np.append(0.0, worst[:-1]))
+        size = np.maximum(worst, _BESIDE * beside)
+        aim, close, most = _AIM, _CLOSE, _MOST_LEVELS_AT_ONCE
+        if self.second_order:
+            aim, close, most = _AIM_IN_THE_MEAN, _AIM_IN_THE_MEAN, _MOST_LEVELS_IN_THE_MEAN
+        with np.errstate(divide="ignore"):
+            deeper = np.ceil(np.log2(size / (aim * target)) / self._order)
+        change = np.where(size > close * target, np.clip(deeper, 1, most), 0)
+        if worst.max() > _FAR_FROM_DONE * target:
+            change = np.where(size < _JOIN * target, -1, change)
+        if not self.second_order and not bad[~_widened(self._steps)].any():
+            change = self._evened(bad)
+        return change
+
+    def _level_at(self, place: float) -> int:
+        knots = self.knots
+        return int(knots.levels[min(int(np.searchsorted(knots.knots[1:], place)), knots.intervals - 1)])
+
+    def _level_for(self, jump: Jump) -> int:
+        """How fine the mesh must be at a jump, as far as this one tells where that is.
+
+        What is given away falls with the square of the width, and so does the error of the place.
+        """
+        level = self._level_at(jump.place)
+        if jump.excess <= 1.0:
+            return level
+        wanted = level + math.ceil(math.log2(jump.excess) / 2.0)
+        return min(wanted, 2 * level + int(math.log2(self.knots.L)), self.max_level)
 
     @property
     def _steps(self) -> NDArray[np.bool_]:
@@ -98,7 +141,7 @@ class SplineMesh:
 
     @property
     def _order(self) -> Vector:
-        edge = np.append(True, self._steps) | np.append(self._steps, True)
+        edge = (np.append(True, self._steps) | np.append(self._steps, True)) & (not self.second_order)
         return np.where(edge, _EDGE_ORDER, _INNER_ORDER)
 
     def _evened(self, bad: NDArray[np.bool_]) -> NDArray[np.int64]:

@@ -22,7 +22,7 @@ from scipy.stats import qmc
 
 from solvers.problem import OptimalControlProblem
 from solvers.refine.bang_bang import BangBangFlights
-from solvers.refine.search import PROGRAM_TOLERANCE, WRONG_SIGN, Arcs, RefinedPart
+from solvers.refine.search import LOW_BARRIER, PROGRAM_TOLERANCE, WRONG_SIGN, Arcs, RefinedPart
 from solvers.refine.signs import next_structure
 from solvers.refine.structure import SHORTEST_ARC, Structure
 from solvers.session import Session
@@ -88,7 +88,7 @@ def other_extremals(session: Session, answer: RefinedPart, count: int) -> list[E
         session,
         tolerance=PROGRAM_TOLERANCE,
         max_iterations=min(_ITERATIONS, session.max_iterations),
-        barrier=None,
+        barrier=LOW_BARRIER,
         convergence=[],
         iterations=0,
         seconds={"build": 0.0, "solve": 0.0, "refine": 0.0},

@@ -34,6 +34,9 @@ PROGRAM_TOLERANCE = 1e-12
 """How exactly multi-arc programs are solved: switching times enter the objective squared, a singular control
 more weakly still, so that they are as good as the square root of this."""
 
+LOW_BARRIER = 1e-4
+"""Where the barrier of multi-arc programs falls from: one that adapts loses arcs that are about to vanish."""
+
 TOLERANCE = 5e-9
 """What the error of the states between nodes should be, relative to each state's scale."""
 
@@ -238,7 +241,7 @@ class Search(Generic[Ended]):
             return None
         level = _LOOK_LEVEL + self.looks
         self.looks += 1
-        self.session.barrier = None
+        self.session.barrier = LOW_BARRIER
         splines = []
         for part, own in zip(self.session.parts, arcs, strict=True):
             knots = spline_mesh(part.problem, _LOOK_LENGTH, level)
@@ -259,7 +262,7 @@ class Search(Generic[Ended]):
         programs = [own.program(part) for part, own in zip(self.session.parts, arcs, strict=True)]
         # Without free controls, and with arcs that are there to stay, there is no bound to stay away from:
         # three steps of Newton's method.
-        self.session.barrier = _NO_BARRIER if all(own.firm for own in arcs) else None
+        self.session.barrier = _NO_BARRIER if all(own.firm for own in arcs) else LOW_BARRIER
         return self.session.solve_parts(programs, f"switching {round_ + 1}", _share(round_), warm=True)
 
     def _keep(self, found: Refined[Ended]) -> None:

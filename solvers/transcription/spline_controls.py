@@ -8,7 +8,7 @@ from scipy import sparse
 from scipy.interpolate import BSpline
 
 from solvers.bases.banded import solve_banded_system
-from solvers.bases.legendre import legendre_gauss
+from solvers.bases.legendre import composite_gauss
 from solvers.quantities import Interval
 
 Vector = NDArray[np.float64]
@@ -49,9 +49,8 @@ def nearest_lines(knots: Vector, points: Vector, values: Vector, bounds: Interva
         return values
     coefficients = solve_banded_system(quadratic_splines(knots, points), values)
     breaks = np.union1d(points, knots)
-    inside, shares = legendre_gauss(COST_POINTS)
-    tau = (breaks[:-1, None] + np.diff(breaks)[:, None] * (inside + 1.0) / 2.0).ravel()
-    weights = sparse.diags_array((np.diff(breaks)[:, None] * shares / 2.0).ravel())
+    tau, shares = composite_gauss(breaks, COST_POINTS)
+    weights = sparse.diags_array(shares)
     hats = hat_functions(points, tau)
     wanted = hats.T @ (weights @ (quadratic_splines(knots, tau) @ coefficients))
     flown = solve_banded_system(sparse.csr_array(hats.T @ weights @ hats), wanted)

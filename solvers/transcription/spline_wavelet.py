@@ -35,7 +35,7 @@ from scipy import sparse
 
 from solvers.bases.banded import solve_banded_system
 from solvers.bases.graded import GradedKnots
-from solvers.bases.legendre import legendre_gauss
+from solvers.bases.legendre import composite_gauss
 from solvers.coefficients import spline_wavelet
 from solvers.costates import second_order_costates
 from solvers.curves import Curve, DerivativeCurve, LinearCurve, SplineCurve
@@ -59,6 +59,7 @@ from solvers.transcription.spline_controls import (
     nearest_lines,
     quadratic_splines,
 )
+from solvers.transcription.spline_quadrature import hat_means, simpson
 
 Vector = NDArray[np.float64]
 
@@ -76,6 +77,7 @@ class SplineWavelet(Transcription):
         self._splines = coordinates or len(self.problem.states) - len(self.problem.rated)
         self.space = self.knots.space
         self.points = self.space.greville(2 if self._second_order else 1)
+        self._in_the_mean = self.adaptive and self._second_order
         self._smooth_controls = (
             self.adaptive
             and not self.problem.rated
@@ -91,9 +93,9 @@ class SplineWavelet(Transcription):
 
     @property
     def mesh(self) -> Hashable:
-        """The knots, how controls stand in the unknowns, and the scales of the equations of motion."""
+        """The knots, how controls and equations stand on them, and the scales of the equations of motion."""
         scale = tuple(self.scaling.equations) if self._second_order else ()
-        return tuple(self.space.knots), self._smooth_controls, scale
+        return tuple(self.space.knots), self._smooth_controls, self._in_the_mean, scale
 
     def allocate(self) -> None:
         """See :class:`Transcription`."""
@@ -153,9 +155,8 @@ class SplineWavelet(Transcription):
         """
         knots = self.space.knots
         if self._smooth_controls:
-            inside, shares = legendre_gauss(COST_POINTS)
-            tau = knots[:-1, None] + np.diff(knots)[:, None] * (inside + 1.0) / 2.0
-            return self._instants(tau.ravel()), (np.diff(knots)[:, None] * shares / 2.0).ravel()
+            tau, weights = composite_gauss(knots, COST_POINTS)
+            return self._instants(tau), weights
         if not self._second_order:
             weights = self.space.quadrature_weights(1)
             if not self.problem.rated:
@@ -169,33 +170,36 @@ class SplineWavelet(Transcription):
             tau = knots[:-1, None] + widths[:, None] * np.array([0.0, 0.5, 1.0])
             intervals = np.repeat(np.arange(widths.size), 3)
             return self._instants(tau.ravel(), intervals), (widths[:, None] * thirds).ravel()
-        points = np.empty(2 * knots.size - 1)
-        points[::2], points[1::2] = knots, (knots[1:] + knots[:-1]) / 2
-        weights = np.zeros(points.size)
-        weights[:-2:2] += widths / 6
-        weights[1::2] += 4 * widths / 6
-        weights[2::2] += widths / 6
+        points, weights = simpson(knots)
         return self._instants(points), weights
 
     def constrain_dynamics(self) -> None:
         """Second order: M q'' + C q' + K q - G u - f = 0. First order: x' - f = 0."""
-        instants = self._at_points
         constrain_ramps(self, self.points, self._instants((self.points[1:] + self.points[:-1]) / 2.0))
         if self._second_order:
-            symbols = NodeSymbols(self.problem, self.per_tau, self._splines)
-            residual = self.problem.dynamics.residual(symbols.accelerations, symbols.scope, CASADI)
-            accelerations = self._spline_rows(self.points, 2)
-            places = self.apply(symbols.function("residual", residual), instants, accelerations)
-            scale = np.tile(self.scaling.equations, self.points.size)
-            self.builder.constrain(fixed(0.0, 0.0), scale=scale, places=places)
-            self.builder.places["residual"] = places
+            self._constrain_motion()
             return
         slopes = self._spline_rows(self.points, 1)
         self.add_defects(
             slopes,
-            self.apply_rate(instants, self._splines),
+            self.apply_rate(self._at_points, self._splines),
             -sparse.csr_array(sparse.eye_array(self.points.size)),
         )
+
+    def _constrain_motion(self) -> None:
+        """The equations of second order, at the knots or in the mean over their hat functions."""
+        symbols = NodeSymbols(self.problem, self.per_tau, self._splines)
+        residual = self.problem.dynamics.residual(symbols.accelerations, symbols.scope, CASADI)
+        instants, scatter = self._at_points, None
+        if self._in_the_mean:
+            tau, means = hat_means(self.points)
+            instants = self._instants(tau)
+            scatter = sparse.kron(means, sparse.eye_array(self._splines), format="csr")
+        accelerations = self._spline_rows(instants.tau, 2)
+        places = self.apply(symbols.function("residual", residual), instants, accelerations)
+        scale = np.tile(self.scaling.equations, self.points.size)
+        self.builder.constrain(fixed(0.0, 0.0), scale=scale, places=places, scatter=scatter)
+        self.builder.places["residual"] = places
 
     def read(self, unknowns: Vector) -> Trajectory:
         """See :class:`Transcription`."""
@@ -255,7 +259,10 @@ class SplineWavelet(Transcription):
         """
         places = self.builder.places["residual" if self._second_order else "rates"]
         adjoint = self.builder.adjoint(places, row_multipliers) * self.scaling.objective
-        weights = adjoint.reshape(self.points.size, -1)
+        weights = adjoint.reshape(-1, self._splines)
+        if self._in_the_mean:
+            # Integrals against the hats, from those at the Gauss points.
+            weights = hat_functions(self.points, hat_means(self.points)[0]).T @ weights
         ramps = ramp_costates(self, self.points, trajectory, row_multipliers)
         if not self._second_order:
             return np.vstack([self.space.dual_values(weights, 1).T, ramps])

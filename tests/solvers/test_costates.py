@@ -19,6 +19,7 @@ def solved(document: dict[str, Any], **method: Any) -> Solution:
 
 METHODS = [
     ({"name": "swcm", "J": 4}, 1e-3),
+    ({"name": "swcm", "J": 4, "adaptive": {"tolerance": 1, "max_level": 4}}, 1e-3),
     ({"name": "gpm", "nodes": 12}, 1e-10),
     ({"name": "gpm", "nodes": 6, "segments": 3}, 1e-7),
     ({"name": "hermite_simpson", "intervals": 20}, 1e-3),

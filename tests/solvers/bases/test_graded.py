@@ -58,6 +58,15 @@ def test_what_nobody_wants_fine_is_joined_to_the_roots() -> None:
     np.testing.assert_array_equal(coarse.levels, np.zeros(8))
 
 
+def test_towards_a_place_the_mesh_gets_fine_there_alone() -> None:
+    mesh = GradedKnots.uniform(8, 3).towards(0.3, 20)
+    middles, widths = (mesh.knots[1:] + mesh.knots[:-1]) / 2, np.diff(mesh.knots)
+    assert mesh.levels[np.searchsorted(mesh.knots, 0.3) - 1] == 20
+    assert mesh.intervals < 64 + 6 * 17
+    assert np.all(widths <= 2 * np.maximum(np.abs(middles - 0.3), 2.0**-23))
+    assert mesh.towards(0.3, 12) is mesh
+
+
 def test_knots_of_nested_meshes_are_equal_to_the_last_bit() -> None:
     mesh = layers()
     assert np.isin(GradedKnots.uniform(8, 0).knots, mesh.knots).all()

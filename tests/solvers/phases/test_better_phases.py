@@ -88,7 +88,7 @@ def test_a_limit_that_is_followed_across_a_cut(time: float) -> None:
 @pytest.mark.parametrize(
     "method",
     [
-        {"name": "swcm", "J": 2, "adaptive": {"tolerance": 1e-5}},
+        {"name": "swcm", "J": 2, "adaptive": {"tolerance": 1e-6}},
         {"name": "gpm", "nodes": 6, "adaptive": {"tolerance": 1e-9}},
         {"name": "hermite_simpson", "intervals": 10, "adaptive": {"tolerance": 1e-7}},
     ],

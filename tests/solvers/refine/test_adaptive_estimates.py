@@ -17,10 +17,12 @@ from solvers.refine.adaptive_gauss import GaussMesh
 from solvers.refine.adaptive_intervals import IntervalMesh
 from solvers.refine.adaptive_optimality import suboptimality
 from solvers.refine.adaptive_splines import SplineMesh
+from solvers.refine.jumps import jumps_of
 from solvers.refine.residual import arc_errors, flight_errors
 from solvers.solution import Solution
 from solvers.solve import solve
 from solvers.spec import check_document
+from solvers.switching import find_switching
 from solvers.trajectory import Trajectory
 from solvers.verification import Tolerances
 from solvers.verify import verify
@@ -69,6 +71,33 @@ def test_the_flight_over_all_arcs_is_estimated_without_flying(oscillator: dict[s
         assert estimate is not None
         assert true is not None
         assert np.abs(estimate).max() == pytest.approx(true, rel=0.1)
+
+
+def test_ends_are_right_to_fourth_order_where_the_equations_hold_in_the_mean(
+    oscillator: dict[str, Any],
+) -> None:
+    """Held at the knots, the same splines end off by the square of the step."""
+    misses = [
+        [flown(oscillator, {"name": "swcm", "L": 5, "J": J, **more})[1] for J in (0, 1, 2)]
+        for more in ({}, {"adaptive": {"tolerance": 1, "max_level": 2}})
+    ]
+    at_knots, in_the_mean = np.log2(np.divide([row[:-1] for row in misses], [row[1:] for row in misses]))
+    np.testing.assert_allclose(at_knots, 2.0, atol=0.2)
+    assert np.all(in_the_mean > 3.7)
+
+
+def test_a_jump_is_placed_by_its_integral() -> None:
+    """To the square of the step; where the control crosses its middle is off by a part of the step."""
+    case = load_case("two_mass_spring")
+    solution = answer(case, name="swcm", J=4)
+    width = float(np.diff(solution.trajectory.breakpoints).max())
+    duration = case["reference"]["final_time"]
+    expected = np.array(case["reference"]["switching"]["u"]) / duration
+    found = jumps_of(solution.problem, solution.trajectory)
+    np.testing.assert_allclose([jump.place for jump in found], expected, rtol=0, atol=2 * width**2)
+    assert all(jump.start < jump.place < jump.stop <= jump.start + 6 * width for jump in found)
+    crossings = np.array(find_switching(solution.problem, solution.trajectory)["u"]["times"])
+    assert np.abs(crossings / duration - expected).max() > 2 * width**2
 
 
 def test_a_flight_whose_errors_grow_beyond_measure_is_not_estimated(oscillator: dict[str, Any]) -> None:
