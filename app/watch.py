@@ -6,7 +6,7 @@ import asyncio
 import contextlib
 import logging
 from collections import defaultdict
-from collections.abc import AsyncIterator, Callable, Iterator
+from collections.abc import AsyncIterator, Callable, Iterable, Iterator
 from typing import TypeVar
 
 from fastapi.concurrency import run_in_threadpool
@@ -15,6 +15,7 @@ from redis.exceptions import RedisError
 
 from worker.address import redis_url
 from worker.errors import JobGone, JobNotFound
+from worker.keyspace import record_told
 from worker.records import JobEvent, JobRecord
 from worker.settings import QueueSettings
 from worker.store import JobStore
@@ -32,6 +33,12 @@ HEARTBEAT = 15.0
 _RECONNECT = 0.5
 
 
+class Bell(asyncio.Event):
+    """Wakes one who waits; at the end of a job it brings the job's ``record``."""
+
+    record: JobRecord | None = None
+
+
 class StatusWatch:
     """One subscription for the whole process, which wakes those who wait for a job when something happens.
 
@@ -42,7 +49,7 @@ class StatusWatch:
     def __init__(self, store: JobStore, settings: QueueSettings) -> None:
         self._store = store
         self._settings = settings
-        self._waiting: defaultdict[str, set[asyncio.Event]] = defaultdict(set)
+        self._waiting: defaultdict[str, set[Bell]] = defaultdict(set)
         self._deaf = False
         self._listening = False
 
@@ -60,14 +67,19 @@ class StatusWatch:
             if not task.cancelled():
                 task.result()
 
-    def ending(self, named: str) -> contextlib.AbstractContextManager[asyncio.Event]:
+    def ending(self, named: str) -> contextlib.AbstractContextManager[Bell]:
         """Listen for the end of the job or sweep ``named`` as long as the context lasts."""
         return self._woken(f"{named} end")
 
-    async def final(self, job_id: str, seconds: float, ended: asyncio.Event | None = None) -> JobRecord:
+    async def final(self, job_id: str, seconds: float, ended: Bell | None = None) -> JobRecord:
         """Return the job when its status is final, or as it is after ``seconds``; ``ended``: see `until`."""
         return await self.until(
-            job_id, lambda: self._store.get(job_id), lambda record: record.status.final, seconds, ended
+            job_id,
+            lambda: self._store.get(job_id),
+            lambda record: record.status.final,
+            seconds,
+            ended,
+            lambda bell: bell.record,
         )
 
     async def until(
@@ -76,27 +88,30 @@ class StatusWatch:
         look: Callable[[], T],
         done: Callable[[T], bool],
         seconds: float,
-        ended: asyncio.Event | None = None,
+        ended: Bell | None = None,
+        told: Callable[[Bell], T | None] = lambda bell: None,
     ) -> T:
         """Return what ``look`` sees when it is ``done``, or after ``seconds``.
 
-        It looks again when the job or sweep ``named`` ends. ``ended`` is the event of `ending` where that was
-        listened for before the job was made: then it need not look before.
+        It looks again when the job or sweep ``named`` ends, unless the bell has ``told`` it. ``ended`` is the
+        bell of `ending` where that was listened for before the job was made: then it need not look before.
         """
         clock = asyncio.get_running_loop().time
         deadline = clock() + seconds
         unseen = ended is None or not self._listening
-        with self.ending(named) if ended is None else contextlib.nullcontext(ended) as event:
+        with self.ending(named) if ended is None else contextlib.nullcontext(ended) as bell:
             while True:
                 if unseen:
-                    event.clear()
+                    bell.clear()
                     seen = await run_in_threadpool(look)
                     if done(seen) or clock() >= deadline:
                         return seen
                 unseen = True
                 with contextlib.suppress(TimeoutError):
                     async with asyncio.timeout(min(deadline - clock(), RECHECK)):
-                        await event.wait()
+                        await bell.wait()
+                if (seen_at_its_end := told(bell)) is not None:
+                    return seen_at_its_end
 
     async def events(self, job_id: str, after: str) -> AsyncIterator[JobEvent | None]:
         """Iterate over the events of a job from behind ``after`` until it ends; None says that all is quiet.
@@ -134,13 +149,13 @@ class StatusWatch:
             return True, []
 
     @contextlib.contextmanager
-    def _woken(self, text: str) -> Iterator[asyncio.Event]:
-        event = asyncio.Event()
-        self._waiting[text].add(event)
+    def _woken(self, text: str) -> Iterator[Bell]:
+        bell = Bell()
+        self._waiting[text].add(bell)
         try:
-            yield event
+            yield bell
         finally:
-            self._waiting[text].discard(event)
+            self._waiting[text].discard(bell)
             if not self._waiting[text]:
                 del self._waiting[text]
 
@@ -172,12 +187,22 @@ class StatusWatch:
                     self._deaf = False
                     self._listening = True
                     # Whatever changed while nobody listened is seen by a fresh look.
-                    self._wake(list(self._waiting))
+                    self._wake(tuple(self._waiting))
                 elif message["type"] == "message":
-                    text = message["data"].decode()
-                    self._wake([text, text.partition(" ")[0]])
+                    named, word, *record = message["data"].decode().split(" ", 2)
+                    self._wake([named])
+                    if word == "end":
+                        self._end(named, record)
 
-    def _wake(self, texts: list[str]) -> None:
+    def _end(self, named: str, record: list[str]) -> None:
+        text = f"{named} end"
+        if record and text in self._waiting:
+            told = record_told(record[0])
+            for bell in self._waiting[text]:
+                bell.record = told
+        self._wake([text])
+
+    def _wake(self, texts: Iterable[str]) -> None:
         for text in texts:
-            for event in self._waiting.get(text, ()):
-                event.set()
+            for bell in self._waiting.get(text, ()):
+                bell.set()

@@ -85,5 +85,10 @@ class Caring(Keyspace):
         dropped = 0
         for index in (self._index, *(self._index_of(name.decode()) for name in projects)):
             ids = cast(list[bytes], self.redis.zrangebylex(index, "-", "+", start=0, num=limit))
-            dropped += len(ids) - len(self._records(ids, index))
+            with self.redis.pipeline(transaction=False) as pipe:
+                for job_id in ids:
+                    pipe.exists(self._keys(job_id.decode())[0])
+                there = pipe.execute() if ids else []
+            gone = [job_id for job_id, known in zip(ids, there, strict=True) if not known]
+            dropped += self.redis.zrem(index, *gone) if gone else 0
         return dropped

@@ -6,6 +6,7 @@ change of status is one script (`worker.scripts`), so that two processes never s
 
 from __future__ import annotations
 
+import json
 import time
 from collections.abc import Callable, Sequence
 from importlib.metadata import version
@@ -32,7 +33,10 @@ class Keyspace:
     def __init__(self, redis: Redis, settings: QueueSettings) -> None:
         self.redis = redis
         self.channel = f"{settings.prefix}status"
-        """Channel of every event of a job, as ``<id> <event>``, the last as ``<id> end``."""
+        """Channel of what happens to jobs: ``<id> status``, ``<id> progress``, at last ``<id> end <record>``.
+
+        `record_told` reads the record. A sweep only has its end, and that without a record.
+        """
         self.hooks = HookList(redis, settings)
         self.results_kept = Results(redis, settings)
         """What stands under the result's key of a job, packed and unpacked."""
@@ -143,3 +147,9 @@ class Keyspace:
 def record_of(fields: dict[bytes, bytes]) -> JobRecord:
     """Read the hash that a record is kept as."""
     return JobRecord.from_hash({key.decode(): value.decode() for key, value in fields.items()})
+
+
+def record_told(text: str) -> JobRecord:
+    """Read the record that is told with the end of its job."""
+    words = json.loads(text)
+    return JobRecord.from_hash(dict(zip(words[::2], words[1::2], strict=True)))

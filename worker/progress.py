@@ -9,7 +9,7 @@ import signal
 import threading
 import time
 from collections import deque
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Sequence
 from dataclasses import replace
 from types import TracebackType
 
@@ -34,8 +34,51 @@ MOST_ITERATES = 20
 """Most iterates that are told of at one exchange; of more of them, evenly some."""
 
 
-# The thread of one solve serves the next: to start one takes longer than all that it does for a small job.
-_THREADS = ThreadPoolExecutor(thread_name_prefix="progress")
+class _Watcher:
+    """The thread of this process that looks after its solves.
+
+    It looks every `LISTEN`, and for a while after the last solve as well: to wake a thread, let alone to
+    start one, takes longer than all that it does for a small job.
+    """
+
+    _RESTS = 2.0  # seconds without a solve
+
+    def __init__(self) -> None:
+        self._watched: set[StoreProgress] = set()
+        self._thread: threading.Thread | None = None
+        self._wanted = threading.Event()
+
+    def watch(self, progress: StoreProgress) -> None:
+        """Look after a solve from now on; raises RuntimeError if no thread can be started."""
+        if self._thread is None or not self._thread.is_alive():
+            thread = threading.Thread(target=self._run, name="progress", daemon=True)
+            thread.start()
+            self._thread = thread
+        self._watched.add(progress)
+        if not self._wanted.is_set():
+            self._wanted.set()
+
+    def leave(self, progress: StoreProgress) -> None:
+        """Look after a solve no more."""
+        self._watched.discard(progress)
+
+    def _run(self) -> None:
+        rests = time.monotonic() + self._RESTS
+        while True:
+            watched = tuple(self._watched)
+            time.sleep(min([LISTEN, *(progress.period for progress in watched)]))
+            for progress in watched:
+                progress.look()
+            if watched:
+                rests = time.monotonic() + self._RESTS
+            elif time.monotonic() > rests:
+                self._wanted.clear()
+                # One that came in between saw that it was not to wake us.
+                if not self._watched:
+                    self._wanted.wait()
+
+
+_WATCHER = _Watcher()
 
 
 class StoreProgress:
@@ -44,7 +87,7 @@ class StoreProgress:
     The solve itself only writes and reads memory. Every `LISTEN` a thread asks the store whether to go on;
     every `PERIOD` it tells with that the last report, and the iterations since the one before.
     So a slow or absent server never holds up an iteration. While the server is away the solve goes on and
-    nothing is written; it cannot be cancelled then either.
+    nothing is written; it cannot be cancelled then either. What is `untold` at the end is written with it.
     """
 
     def __init__(
@@ -53,7 +96,8 @@ class StoreProgress:
         self._store = store
         self._job_id = job_id
         self._owner = owner
-        self._period = period
+        self.period = period
+        """Seconds between two reports."""
         self._patience = patience
         self._latest: ProgressReport | None = None
         self._written: ProgressReport | None = None
@@ -64,7 +108,10 @@ class StoreProgress:
         self._heard_at: float | None = None
         self._away = False
         self._told_at = -math.inf
-        self._done = threading.Event()
+        # Held while the store is asked, and by the end of the solve, after which it is asked no more.
+        self._asking = threading.Lock()
+        self._over = False
+        self._failure: Exception | None = None
 
     def report(self, report: ProgressReport) -> None:
         """Take note of a moment of the solve; written at the next exchange unless another comes first.
@@ -87,25 +134,37 @@ class StoreProgress:
         return True
 
     def __enter__(self) -> StoreProgress:
-        try:
-            self._watching = _THREADS.submit(self._watch)
-        except RuntimeError:
-            # No thread could be started for it; the next one that is finds it in the line.
-            self._done.set()
-            raise
+        _WATCHER.watch(self)
         return self
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        self._done.set()
-        self._watching.result()
+        _WATCHER.leave(self)
+        with self._asking:
+            self._over = True
+        if self._failure is not None:
+            raise self._failure
 
-    def _watch(self) -> None:
-        while not self._done.wait(min(LISTEN, self._period)):
-            self._try_exchange(telling=time.monotonic() - self._told_at >= self._period)
-        if self._latest is not self._written and not self._away:
-            self._try_exchange(telling=True)
+    def look(self) -> None:
+        """Ask the store whether to go on, and tell what is new if it is time for that."""
+        with self._asking:
+            if self._over:
+                return
+            try:
+                self._try_exchange(telling=time.monotonic() - self._told_at >= self.period)
+            except Exception as error:  # noqa: BLE001  (raised at the end of the solve: it may lack memory)
+                self._over, self._failure = True, error
+
+    def untold(self) -> tuple[ProgressReport | None, Sequence[ProgressReport]]:
+        """Return the last report and the iterations before it, as far as the store was not told of them."""
+        latest = self._latest
+        if latest is self._written:
+            return None, ()
+        while self._iterates:
+            self._untold.append(self._iterates.popleft())
+        self._untold = self._untold[-1 :: -(len(self._untold) // MOST_ITERATES + 1)][::-1]
+        return latest, self._untold
 
     def _try_exchange(self, *, telling: bool) -> None:
         try:
@@ -120,17 +179,12 @@ class StoreProgress:
 
     def _exchange(self, *, telling: bool) -> None:
         """Hear whether to stop, and tell what is new if it is time for that."""
-        latest = self._latest
-        if telling and latest is not self._written:
-            while self._iterates:
-                self._untold.append(self._iterates.popleft())
-            self._untold = self._untold[-1 :: -(len(self._untold) // MOST_ITERATES + 1)][::-1]
-            answer = self._store.report(self._job_id, self._owner, latest, self._untold)
+        latest, iterates = self.untold() if telling else (None, ())
+        answer = self._store.report(self._job_id, self._owner, latest, iterates)
+        if latest is not None:
             self._written = latest
             self._untold = []
             self._told_at = time.monotonic()
-        else:
-            answer = self._store.report(self._job_id, self._owner, None)
         if answer is Signal.GO:
             return
         self._stop.set()

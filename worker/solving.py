@@ -71,17 +71,7 @@ class Solving(Keyspace):
 
         A trajectory and the ``iterates`` since then are told as an event and not kept in the record.
         """
-        text, told = "", {}  # Nothing new.
-        if report is not None:
-            members = _finite(asdict(report))
-            trajectory = members.pop("trajectory")
-            text = json.dumps(members)
-            told = members
-            if trajectory is not None:
-                told["trajectory"] = trajectory
-            if iterates:
-                told["iterates"] = [_row(one) for one in iterates]
-        answer = self._run(self._report, job_id, owner, text, json.dumps(told) if told else "")
+        answer = self._run(self._report, job_id, owner, *_texts(report, iterates))
         return Signal(cast(bytes, answer).decode())
 
     def finish(
@@ -92,18 +82,20 @@ class Solving(Keyspace):
         error: JobError | None = None,
         result: bytes | None = None,
         digest: str | None = None,
+        last: tuple[ProgressReport | None, Sequence[ProgressReport]] = (None, ()),
     ) -> bool:
         """Write the end of a job, with its ``result`` as `compress` made it.
 
-        By ``digest``, that of what it answers, it is found by `answered`. Returns False, and writes nothing,
-        if the job is not running or is owned by another solve. Raises ResultsUnavailable.
+        By ``digest``, that of what it answers, it is found by `answered`; ``last`` is what was not reported
+        yet. Returns False, and writes nothing, if the job is not running or is owned by another solve. Raises
+        ResultsUnavailable.
         """
         if not status.final:
             raise ValueError(f"{status} is not a final status")
         failure = "" if error is None else error.to_json()
         keys = [] if digest is None else [self._answer_to(digest)]
         stored = b"" if result is None else self.results_kept.put(job_id, owner, result)
-        words = (owner, status.value, failure, stored, len(result or b""))
+        words = (owner, status.value, failure, stored, len(result or b""), *_texts(*last))
         if self._run(self._finish, job_id, *words, keys=keys):
             return True
         self._drop_unused(job_id, stored)
@@ -137,6 +129,20 @@ class Solving(Keyspace):
                 *(self._keys(job_id)[0] for job_id, _, _ in held),
             ]
             self._renew(keys=keys, args=[self._lease, *(word for words in held for word in words)])
+
+
+def _texts(report: ProgressReport | None, iterates: Sequence[ProgressReport]) -> tuple[str, str]:
+    """What is kept of a report, and what is told of it with the ``iterates`` before; nothing of no report."""
+    if report is None:
+        return "", ""
+    members = _finite(asdict(report))
+    trajectory = members.pop("trajectory")
+    kept = json.dumps(members)
+    if trajectory is not None:
+        members["trajectory"] = trajectory
+    if iterates:
+        members["iterates"] = [_row(one) for one in iterates]
+    return kept, json.dumps(members)
 
 
 def _finite(report: dict[str, Any]) -> dict[str, Any]:

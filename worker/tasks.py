@@ -76,8 +76,9 @@ def solve_job(
         logger.info("job %s: nothing to solve", job_id)
         return
     logger.info("job %s: running", job_id)
-    end = _solve(job, store, limits, neighbours)
-    words = (end.status, end.error, end.result, end.digest)
+    progress = StoreProgress(store, job_id, word)
+    end = _solve(job, store, limits, neighbours, progress)
+    words = (end.status, end.error, end.result, end.digest, progress.untold())
     written = patiently(lambda: store.finish(job_id, word, *words), limits.outage, job_id)
     if written:
         logger.info("job %s: %s", job_id, end.status)
@@ -88,12 +89,12 @@ def solve_job(
 
 
 def _solve(
-    job: Assignment, store: JobStore, limits: Limits, neighbours: Neighbours | None
+    job: Assignment, store: JobStore, limits: Limits, neighbours: Neighbours | None, progress: StoreProgress
 ) -> outcome.Outcome:
     job_id, seconds = job.record.id, job.record.seconds_left(time.time())
     try:
         # Even its thread may find no memory.
-        with StoreProgress(store, job_id, job.owner) as progress:
+        with progress:
             work = patiently(
                 lambda: _prepared(job, store, limits, progress, neighbours, seconds), limits.outage, job_id
             )

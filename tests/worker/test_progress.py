@@ -54,6 +54,7 @@ def test_of_many_iterates_some_are_told_and_the_last_one_always(
     with StoreProgress(store, job_id, owner, period=0.05) as progress:
         for iteration in range(1_001):
             progress.report(ProgressReport("solve", iteration, 2.0 * iteration, math.inf))
+    assert store.finish(job_id, owner, JobStatus.CANCELLED, last=progress.untold())
     told = [event.data for event in store.events(job_id, FIRST) if event.kind == "progress"]
     iterates = [iterate for data in told for iterate in data["iterates"]]
     assert iterates[-1] == ["solve", 1_000, 2_000.0, None]

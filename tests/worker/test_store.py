@@ -8,6 +8,7 @@ from redis import Redis
 
 from solvers.progress import ProgressReport
 from worker.errors import JobActive, JobGone, JobNotFound
+from worker.keyspace import record_told
 from worker.records import FailureType, JobError, JobRecord, JobStatus, new_job_id
 from worker.settings import QueueSettings
 from worker.store import JobStore, Signal, compress
@@ -310,7 +311,7 @@ def test_one_call_looks_at_a_bounded_number_of_jobs(store: JobStore) -> None:
     assert after is None
 
 
-def test_every_event_is_published(store: JobStore, redis: Redis) -> None:
+def test_what_happens_is_published_and_with_the_end_the_record(store: JobStore, redis: Redis) -> None:
     with redis.pubsub(ignore_subscribe_messages=True) as listener:
         listener.subscribe(store.channel)
         listener.get_message(timeout=5)
@@ -321,7 +322,10 @@ def test_every_event_is_published(store: JobStore, redis: Redis) -> None:
             heard.append(message["data"].decode())
             if len(heard) == 2:
                 break
-    assert heard == [f"{job_id} status", f"{job_id} result"]
+    assert heard[0] == f"{job_id} status"
+    named, word, record = heard[1].split(" ", 2)
+    assert (named, word) == (job_id, "end")
+    assert record_told(record) == store.get(job_id)
 
 
 def told(store: JobStore, job_id: str) -> list[object]:

@@ -59,15 +59,14 @@ local function count_end(to, failure)
   end
   count('within ' .. name .. ' +Inf')
 end
-local function note(event, data, word)
+local function note(event, data)
   redis.call('XADD', KEYS[6], 'MAXLEN', '~', 1000, '*', 'event', event, 'data', data)
-  redis.call('PUBLISH', ARGV[2], ARGV[1] .. ' ' .. (word or event))
 end
+local function tell(word) redis.call('PUBLISH', ARGV[2], ARGV[1] .. ' ' .. word) end
 local function note_status()
   local record = redis.call('HMGET', KEYS[1], 'status', 'attempts', 'cancel', 'error')
   note('status', '{"status":"' .. record[1] .. '","attempts":' .. (record[2] or 0) .. ',"cancel_requested":'
-    .. tostring(record[3] == '1') .. ',"error":' .. (record[4] or 'null') .. ',"at":' .. ARGV[3] .. '}',
-    record[1] ~= 'queued' and record[1] ~= 'running' and 'end')
+    .. tostring(record[3] == '1') .. ',"error":' .. (record[4] or 'null') .. ',"at":' .. ARGV[3] .. '}')
 end
 local function move(to)
   redis.call('HSET', KEYS[1], 'status', to)
@@ -93,6 +92,8 @@ local function finish(to, failure)
   if failure ~= '' then redis.call('HSET', KEYS[1], 'error', failure) end
   move(to)
   if redis.call('HGET', KEYS[1], 'pinned') ~= '1' then expire() end
+  -- With the record, so that whoever waits for the end need not ask.
+  tell('end ' .. cjson.encode(redis.call('HGETALL', KEYS[1])))
 end
 local function overdue()
   local deadline = redis.call('HGET', KEYS[1], 'deadline_at')
@@ -106,6 +107,7 @@ end
 local function requeue()
   redis.call('HDEL', KEYS[1], 'owner', 'started_at', 'progress')
   move('queued')
+  tell('status')
 end
 -- Count a lost worker; false if that was the end of the job.
 local function survives(losses, failure)

@@ -33,6 +33,7 @@ redis.call('HDEL', KEYS[1], 'progress')
 redis.call('HINCRBY', KEYS[1], 'attempts', 1)
 count('attempts')
 move('running')
+tell('status')
 return assignment()
 """
 )
@@ -53,6 +54,7 @@ if ARGV[8] ~= '' then
   redis.call('HSET', KEYS[1], 'progress', ARGV[8])
   redis.call('HINCRBY', KEYS[1], 'version', 1)
   note('progress', ARGV[9])
+  tell('progress')
 end
 if redis.call('HGET', KEYS[1], 'cancel') == '1' then return 'cancel' end
 return 'go'
@@ -68,8 +70,13 @@ FINISH = (
     + """
 -- KEYS[12] where the job is to be found by what it answers, if it may be.
 -- ARGV[7] owner, ARGV[8] final status, ARGV[9] error as JSON or '', ARGV[10] compressed result, or where it
--- is (`worker.results`), or '', ARGV[11] how many bytes it has.
+-- is (`worker.results`), or '', ARGV[11] how many bytes it has, ARGV[12] and ARGV[13] the last progress as
+-- REPORT has it.
 if not mine(ARGV[7]) then return 0 end
+if ARGV[12] ~= '' then
+  redis.call('HSET', KEYS[1], 'progress', ARGV[12])
+  note('progress', ARGV[13])
+end
 if ARGV[10] ~= '' then keep(ARGV[10], ARGV[11]) end
 if KEYS[12] then redis.call('SET', KEYS[12], ARGV[1], 'EX', ARGV[4]) end
 finish(ARGV[8], ARGV[9])

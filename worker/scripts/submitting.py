@@ -58,6 +58,7 @@ if now == 'running' and redis.call('HGET', KEYS[1], 'cancel') ~= '1' then
   redis.call('HSET', KEYS[1], 'cancel', '1')
   redis.call('HINCRBY', KEYS[1], 'version', 1)
   note_status()
+  tell('status')
 end
 return status()
 """
