@@ -154,5 +154,5 @@ def _allowed(request: Request) -> str:
     for method in ("GET", "POST", "DELETE"):
         scope = {**request.scope, "method": method}
         if any(route.matches(scope)[0].name == "FULL" for route in request.app.routes):
-            methods.append(method)
+            methods += ["GET", "HEAD"] if method == "GET" else [method]
     return ", ".join(methods)

@@ -10,7 +10,7 @@ from fastapi import FastAPI
 
 from app import errors, openapi
 from app.auth import Gate
-from app.middleware import BodyLimit, HostGuard, RequestContext
+from app.middleware import BodyLimit, HeadAsGet, HostGuard, RequestContext
 from app.observed import Observed
 from app.routes import catalogue, commands, events, flights, health, jobs, pages, reports, results, sweeps
 from app.service import Service
@@ -55,6 +55,7 @@ def create_app(settings: Settings | None = None) -> FastAPI:
     app.add_middleware(BodyLimit, limit=settings.body_bytes)
     app.add_middleware(Gate, doorkeeper=service.doorkeeper)
     app.add_middleware(HostGuard, names=LOOPBACK_NAMES | set(settings.allowed_hosts))
+    app.add_middleware(HeadAsGet)
     app.add_middleware(Observed)
     app.add_middleware(RequestContext)
     return app

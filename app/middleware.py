@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import logging
 import re
 import uuid
@@ -64,6 +65,35 @@ class RequestContext:
                 raise
             logger.exception("request %s: %s %s", request_id, scope["method"], scope["path"])
             await problem_response(ServiceError("internal"), request_id)(scope, receive, send_with_headers)
+
+
+class _HeadersSent(Exception):
+    """All of an answer that a client asked for is sent."""
+
+
+class HeadAsGet:
+    """Answers HEAD as the same GET, without the content (RFC 9110, section 9.3.2), whatever the route."""
+
+    def __init__(self, app: ASGIApp) -> None:
+        self._app = app
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Pass the request on."""
+        if scope["type"] != "http" or scope["method"] != "HEAD":
+            await self._app(scope, receive, send)
+            return
+
+        async def send_headers(message: Message) -> None:
+            if message["type"] != "http.response.body":
+                await send(message)
+                return
+            await send({"type": "http.response.body", "body": b""})
+            if message.get("more_body", False):
+                # A stream would go on for nobody.
+                raise _HeadersSent
+
+        with contextlib.suppress(_HeadersSent):
+            await self._app({**scope, "method": "GET"}, receive, send_headers)
 
 
 class HostGuard:

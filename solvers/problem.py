@@ -255,6 +255,8 @@ class OptimalControlProblem:
 
     def outputs_at(self, trajectory: Trajectory, tau: Vector) -> dict[str, Vector]:
         """The outputs along a trajectory at K normalised times, by name; not finite where they are not."""
+        if not self.outputs:
+            return {}
         x, u, t = trajectory.states_at(tau), trajectory.controls_at(tau), trajectory.time(tau)
         scope = self.scope(x, u, t, self.parameters_of(trajectory), NUMPY)
         with np.errstate(all="ignore"):

@@ -8,6 +8,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+import orjson
+
 from solvers.errors import DocumentError
 from solvers.spec import answer_digest
 from solvers.status import SolveStatus
@@ -105,7 +107,12 @@ def of_missing_source(source: str) -> Outcome:
 
 
 def _packed(members: Mapping[str, Any]) -> bytes:
-    return compress(json.dumps(members, allow_nan=False, separators=(",", ":")).encode())
+    try:
+        text = orjson.dumps(members)
+    except orjson.JSONEncodeError:
+        # It has no integers of more than 64 bits; the metadata of a document may.
+        text = json.dumps(members, allow_nan=False, separators=(",", ":")).encode()
+    return compress(text)
 
 
 def _too_large(result: bytes, limit: int, advice: str) -> Outcome:

@@ -84,4 +84,4 @@ def test_every_operation_is_described(service: httpx.Client) -> None:
 def test_methods_that_are_not_there(service: httpx.Client, method: str) -> None:
     answer = service.request(method, "/v1/jobs")
     assert answer.status_code == 405
-    assert answer.headers["allow"] == "GET, POST"
+    assert answer.headers["allow"] == "GET, HEAD, POST"

@@ -2,7 +2,7 @@
 
 import json
 import logging
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import Any
 
 import httpx
@@ -15,6 +15,7 @@ from app.settings import Settings
 from tests.app.conftest import served
 from tests.problems import problem
 from worker.queue import JobQueue
+from worker.records import JobStatus, new_job_id
 from worker.settings import QueueSettings
 
 JSON = {"Content-Type": "application/json"}
@@ -28,11 +29,11 @@ def test_an_unknown_address(client: httpx.Client) -> None:
 @pytest.mark.parametrize(
     ("method", "path", "allowed"),
     [
-        ("PUT", "/v1/jobs", "GET, POST"),
-        ("PATCH", "/v1/jobs/abc", "GET, DELETE"),
+        ("PUT", "/v1/jobs", "GET, HEAD, POST"),
+        ("PATCH", "/v1/jobs/abc", "GET, HEAD, DELETE"),
         ("GET", "/v1/jobs/abc/cancel", "POST"),
-        ("POST", "/livez", "GET"),
-        ("DELETE", "/", "GET"),
+        ("POST", "/livez", "GET, HEAD"),
+        ("DELETE", "/", "GET, HEAD"),
     ],
 )
 def test_a_method_that_an_address_does_not_have(
@@ -212,3 +213,28 @@ def test_every_problem_type_resolves_to_an_explanation(client: httpx.Client, nam
 
 def test_an_unknown_problem_type(client: httpx.Client) -> None:
     problem(client.get("/problems/no-such"), 404, "not-found")
+
+
+def test_whatever_can_be_read_can_be_asked_for_its_headers_alone(
+    client: httpx.Client, job: Callable[..., str], solved: bytes
+) -> None:
+    job_id = job(JobStatus.SUCCEEDED, solved)
+    paths = {
+        path.format(job_id=job_id, name="flexible_spacecraft", sweep_id=new_job_id())
+        for path, operations in client.get("/openapi.json").json()["paths"].items()
+        if "get" in operations
+    }
+    for path in sorted(paths | {"/", "/openapi.json", "/nowhere", f"/v1/jobs/{job_id}/cancel"}):
+        read, asked = client.get(path), client.head(path)
+        assert (asked.status_code, asked.content) == (read.status_code, b""), path
+        of_read, of_asked = ({**answer.headers, "x-request-id": ""} for answer in (read, asked))
+        assert of_asked.items() <= of_read.items(), path
+        # The length of what is streamed is known when it has been.
+        assert of_read.keys() - of_asked.keys() <= {"content-length"}, path
+
+
+def test_the_headers_of_a_stream_are_no_stream(client: httpx.Client, job: Callable[..., str]) -> None:
+    """The job never starts, so its events never end."""
+    response = client.head(f"/v1/jobs/{job()}/events")
+    assert response.headers["content-type"].partition(";")[0] == "text/event-stream"
+    assert response.content == b""

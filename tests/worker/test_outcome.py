@@ -21,12 +21,15 @@ def small(**options: Any) -> Any:
     return check_document(document)
 
 
-def test_a_verified_answer_succeeds() -> None:
-    end = of_solution(solve(small()), "an id", ENOUGH)
+@pytest.mark.parametrize("metadata", [{"word": "é", "number": 1e-7}, {"number": 2**70}])
+def test_a_verified_answer_succeeds(metadata: dict[str, Any]) -> None:
+    spec = check_document(changed("/name", "small") | {"metadata": metadata})
+    end = of_solution(solve(spec), "an id", ENOUGH)
     assert (end.status, end.error) == (JobStatus.SUCCEEDED, None)
     assert end.result is not None
     result = json.loads(zlib.decompress(end.result))
     assert (result["job_id"], result["success"]) == ("an id", True)
+    assert result["resolved"]["document"]["metadata"] == metadata
 
 
 def test_a_solve_without_success_fails_and_keeps_its_iterate() -> None:
