@@ -8,21 +8,47 @@ that cubic. Two points give a straight line, three a parabola. Pieces are closed
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property, partial
+from itertools import pairwise
 from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.interpolate import CubicSpline
 
-from solvers.expressions import LOOKUP
+from solvers.expressions import LOOKUP, Code, Expression
 
 Vector = NDArray[np.float64]
 
 # A time that is an end of the table but for rounding, relative to the span of the table, is that end.
 _ROUNDING = 1e-9
+_TIME = (Code.NAME, "t")
+
+
+def calls(expression: Expression) -> Iterator[tuple[str, bool]]:
+    """Yield the tables that an expression calls, and whether with the time itself, as in ``Td(t)``."""
+    if expression.called:
+        for before, (code, payload) in pairwise(expression.program):
+            if code == Code.LOOKUP:
+                yield payload, before == _TIME
+
+
+def covered_times(expressions: Iterable[Expression], definitions: Mapping[str, Any]) -> tuple[float, float]:
+    """Between which times all tables have values that end in an error and are called with the time itself.
+
+    By these expressions, or by definitions that they need, each of which may need earlier ones.
+    """
+    needed = list(expressions)
+    names = frozenset().union(*(item.names for item in needed))
+    for name, item in reversed([*definitions.items()]):
+        if name in names and isinstance(item, Expression):
+            needed.append(item)
+            names |= item.names
+    tables = [definitions[name] for item in needed for name, in_time in calls(item) if in_time]
+    ends = [(table.x[0], table.x[-1]) for table in tables if table.outside == "error"]
+    return max((first for first, _ in ends), default=-np.inf), min((last for _, last in ends), default=np.inf)
 
 
 @dataclass(frozen=True)

@@ -20,11 +20,20 @@ from numpy.typing import NDArray
 
 from solvers.attitude import attitude_constraints, guessed_attitude
 from solvers.backends import NUMPY, Backend
+from solvers.data_table import covered_times
 from solvers.dynamics import Dynamics, NodeScope
 from solvers.expressions import Expression, parse, product, total
 from solvers.guess import Guess, Start, make_guess
 from solvers.models import Formula
-from solvers.quantities import FREE, Constraint, DesignParameter, Integral, Interval, NamedQuantity
+from solvers.quantities import (
+    FREE,
+    WHOLE_SPAN,
+    Constraint,
+    DesignParameter,
+    Integral,
+    Interval,
+    NamedQuantity,
+)
 from solvers.reading import constraints, control_ends, design_parameter, integrals, outputs
 from solvers.spec import ProblemSpec, bound_interval, definitions_of, final_intervals, initial_intervals
 from solvers.trajectory import Trajectory
@@ -131,9 +140,30 @@ class OptimalControlProblem:
                 design={item.name: item.guess for item in design},
             ),
         )
-        return problem.with_rates(
+        return problem.within_tables().with_rates(
             {name: bound_interval(bound, parameters) for name, bound in spec.control_rates.items()}
         )
+
+    def within_tables(self) -> OptimalControlProblem:
+        """The problem whose times are within the tables over time that end in an error.
+
+        As it was where no time is left: what is asked for outside of a table is then an error of its own.
+        """
+        whole = [item.expression for item in self.path if item.during == WHOLE_SPAN]
+        costs = [item for item in (self.running_cost, self.peak_cost) if item is not None]
+        along = [*self.dynamics.expressions, *whole, *(item.expression for item in self.integrals), *costs]
+        first, last = covered_times(along, self.definitions)
+        times = [
+            (max(lower, first), min(upper, last)) for lower, upper in (self.initial_time, self.final_time)
+        ]
+        if times == [self.initial_time, self.final_time] or any(lower > upper for lower, upper in times):
+            return self
+        guess = replace(
+            self.guess,
+            t0=float(np.clip(self.guess.t0, *times[0])),
+            tf=float(np.clip(self.guess.tf, *times[1])),
+        )
+        return replace(self, initial_time=times[0], final_time=times[1], guess=guess)
 
     def with_rates(self, rates: Mapping[str, Interval]) -> OptimalControlProblem:
         """The problem in which these controls are states, and their rates, within bounds, are controls."""

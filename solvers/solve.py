@@ -30,6 +30,7 @@ from solvers.sensitivity import sensitivity
 from solvers.session import Session, start_report, statistics_of
 from solvers.solution import PlantAnswer, Solution
 from solvers.spec import GeneticMethod, JobSpec, PiecewiseMethod
+from solvers.time_knots import tables_that_end
 
 
 def solve(
@@ -107,6 +108,7 @@ def solve(
         problem, solved.transcription.integrals(solved.outcome.unknowns), verification.integrals
     )
     one_plant = spec.problem.scenarios is None
+    warnings = [*tables_that_end(problem, trajectory), *improved.warnings]
     slopes = sensitivity(spec.problem, solved) if solved.converged and one_plant else None
     session.seconds["total"] = time.perf_counter() - started
     return Solution(
@@ -116,7 +118,7 @@ def solve(
         costates=costates[leading.rows(solved.trajectory)],
         objective=solved.objective,
         status=status,
-        message=" ".join([message, *sentence(diagnosis), *(item["detail"] for item in improved.warnings)]),
+        message=" ".join([message, *sentence(diagnosis), *(item["detail"] for item in warnings)]),
         method={**method.model_dump(exclude_none=True), **improved.summary},
         verification=verification,
         model_report=model_report(leading.problem, trajectory),
@@ -129,7 +131,7 @@ def solve(
             *(start_report(item, item.trajectory.tf, kept=item is answers[0]) for item in answers),
             *(item.report(problem) for item in extremals),
         ],
-        warnings=[*formulation.warnings(problem), *improved.warnings],
+        warnings=[*formulation.warnings(problem), *warnings],
         plants=() if one_plant else plants,
         diagnosis=diagnosis,
         statistics=statistics_of(solved, session),

@@ -7,14 +7,14 @@ Only tables with corners count (`linear`, `previous`) that an expression calls w
 from __future__ import annotations
 
 from collections.abc import Iterator
-from itertools import chain, pairwise
+from itertools import chain
 
 import numpy as np
 from numpy.typing import NDArray
 
 from solvers.bases.graded import FINEST, GradedKnots
-from solvers.data_table import DataTable
-from solvers.expressions import Code, Expression
+from solvers.data_table import DataTable, calls
+from solvers.expressions import Expression
 from solvers.problem import OptimalControlProblem
 from solvers.trajectory import Trajectory
 
@@ -26,6 +26,8 @@ _CLOSE = 0.25
 _DEEPER = 9
 _MOST_ADDED = 4096
 _SAME = 1e-10
+# A flight that ends so near to the end of a table, as a part of its duration, is ended by it.
+_REACHED = 1e-6
 # Half of an interval in which the model jumps, in normalised time.
 _MOMENT = 1e-9
 LONGEST_MOMENT = 4 * _MOMENT
@@ -108,16 +110,39 @@ def corner_warnings(problem: OptimalControlProblem) -> list[dict[str, str]]:
                 f"The table '{name}' has corners in what it is called with; "
                 "the optimizer expects smooth functions: take interpolation 'cubic'."
             )
-        elif name in _called(problem, in_time=True) and not has_fixed_times(problem):
+        elif name in _called(problem, in_time=True) and _moves_over(problem, item):
             code = "table_corners_off_mesh"
             detail = (
                 f"The corners of '{name}' are no points of the mesh, which moves with the free times; they"
-                " cost accuracy near them. The verification meets them exactly."
+                " cost accuracy near them. The verification meets them exactly. Let a phase end there, at"
+                " that given time, and they cost nothing."
             )
         else:
             continue
         found.append({"code": code, "pointer": f"/problem/data/{name}", "detail": detail})
     return found
+
+
+def _moves_over(problem: OptimalControlProblem, table: DataTable) -> bool:
+    """Whether a corner of a table may be inside of a flight whose times are free."""
+    first, last = problem.initial_time[0], problem.final_time[1]
+    return not has_fixed_times(problem) and any(first < corner < last for corner in table.x)
+
+
+def tables_that_end(problem: OptimalControlProblem, trajectory: Trajectory) -> list[dict[str, str]]:
+    """Warnings of tables over time that end in an error where the flight does, which could end later."""
+    first, last = problem.final_time
+    if first == last or trajectory.tf < last - _REACHED * trajectory.duration:
+        return []
+    return [
+        {
+            "code": "table_ends_flight",
+            "pointer": f"/problem/data/{name}",
+            "detail": f"The flight ends at t = {last:.6g}, for the table '{name}' has no values beyond it.",
+        }
+        for name in sorted({*_called(problem, in_time=True)})
+        if (table := _table(problem, name)).outside == "error" and table.x[-1] == last
+    ]
 
 
 def _inside(tau: Vector) -> Vector:
@@ -134,12 +159,8 @@ def _table(problem: OptimalControlProblem, name: str) -> DataTable:
 
 def _called(problem: OptimalControlProblem, *, in_time: bool) -> Iterator[str]:
     """Yield the tables that some expression calls with t itself, or with anything else."""
-    time = (Code.NAME, "t")
     for expression in _expressions(problem):
-        if expression.called:
-            for before, (code, payload) in pairwise(expression.program):
-                if code == Code.LOOKUP and (before == time) is in_time:
-                    yield payload
+        yield from (name for name, with_time in calls(expression) if with_time is in_time)
 
 
 def _expressions(problem: OptimalControlProblem) -> Iterator[Expression]:

@@ -272,7 +272,7 @@ def _phase(spec: ProblemSpec, view: PhaseView, fields: Mapping[str, Any], times:
         running_cost=total(costs) if costs else None,
         # A later phase begins when the one before ends, which the document may say.
         initial_time=begin if own_start or begin[0] == begin[1] else FREE,
-    )
+    ).within_tables()
     return Phase(view, alone, problem, Plant(view.phase["name"], problem))
 
 

@@ -32,6 +32,7 @@ from solvers.scaling import automatic_scaling
 from solvers.sensitivity import Place, numbers_of, slopes
 from solvers.session import start_report, statistics_of
 from solvers.spec import JobSpec, ProblemSpec, Value
+from solvers.time_knots import tables_that_end
 from solvers.verification import Verification
 
 Vector = NDArray[np.float64]
@@ -87,6 +88,9 @@ def solve_phases(
         model_report(phase.plant.problem, part)
         for phase, part in zip(problem.phases, answer.parts, strict=True)
     ]
+    pairs = zip(problem.phases, answer.parts, strict=True)
+    ended = [item for phase, part in pairs for item in tables_that_end(phase.plant.problem, part)]
+    warnings = [*ended, *improved.warnings]
     sensitivity = _sensitivity(spec.problem, problem, solved) if solved.converged else None
     session.seconds["total"] = time.perf_counter() - started
     return PhasedSolution(
@@ -99,7 +103,7 @@ def solve_phases(
         ],
         objective=solved.objective,
         status=status,
-        message=" ".join([message, *sentence(diagnosis), *(item["detail"] for item in improved.warnings)]),
+        message=" ".join([message, *sentence(diagnosis), *(item["detail"] for item in warnings)]),
         method={**method.model_dump(exclude_none=True), **improved.summary},
         verification=verification,
         model_report=_ends_of(reports),
@@ -115,7 +119,7 @@ def solve_phases(
         sensitivity=sensitivity,
         convergence=session.convergence,
         starts=[start_report(item, item.trajectory.tf, kept=item is answers[0]) for item in answers],
-        warnings=[*problem.warnings, *_empty(problem, solved), *improved.warnings],
+        warnings=[*problem.warnings, *_empty(problem, solved), *warnings],
         diagnosis=diagnosis,
         statistics=statistics_of(solved, session),
     )

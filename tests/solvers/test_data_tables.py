@@ -22,6 +22,7 @@ from solvers.solution import Solution
 from solvers.solve import solve
 from solvers.spec import check_document
 from solvers.symbolic import CASADI
+from tests.solvers.test_outputs import each_method
 
 Vector = NDArray[np.float64]
 KNOTS = (0.0, 0.3, 0.55, 1.0)
@@ -257,6 +258,27 @@ def test_leaving_a_table_that_ends_is_an_error_of_the_expression() -> None:
     assert solution.status.value == "evaluation_error"
     assert "/problem/model/force/0" in solution.message
     assert "'Td(t)'" in solution.message
+
+
+@each_method
+def test_a_flight_ends_where_its_table_does(method: dict[str, Any]) -> None:
+    """12/T^3 + T/100 falls until T = 7.75, but the table says nothing after 3; as a definition, too."""
+    document = disturbed("linear", **method)
+    problem = document["problem"]
+    problem["data"]["Td"] |= {"outside": "error", "x": [-1, 2, 3], "values": [0, 0, 0]}
+    problem["model"] |= {"definitions": {"push": "Td(t)"}, "force": ["push"]}
+    problem |= {"final_time": [0.5, None], "objective": {"running": "u^2 + 0.01"}}
+    solution = answer(document)
+    assert solution.success, solution.message
+    assert solution.trajectory.tf == pytest.approx(3, abs=1e-7)
+    assert solution.objective == pytest.approx(12 / 27 + 0.03, abs=1e-6)
+    assert [(item["code"], item["pointer"]) for item in solution.warnings] == [
+        ("table_ends_flight", "/problem/data/Td")
+    ]
+    problem["bounds"] = {"u": [-0.1, 0.1]}
+    short = answer(document)
+    assert short.status.value == "infeasible"
+    assert "the table 'Td' has no values beyond it" in short.message
 
 
 def test_a_search_by_genes_flies_tables_too() -> None:

@@ -8,6 +8,8 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.integrate import quad
+from scipy.optimize import minimize_scalar
 
 from solvers.export import to_csv
 from solvers.phases.problem import phased_problem
@@ -290,6 +292,37 @@ def test_tables_are_met_at_their_corners_in_every_phase(kind: str) -> None:
     assert [(item["code"], item["pointer"]) for item in warnings] == [
         ("table_corners_off_mesh", "/problem/data/Td")
     ]
+
+
+@pytest.mark.parametrize(
+    "method", [GPM, {"name": "hermite_simpson", "intervals": 12}, {"name": "swcm", "J": 2}]
+)
+@pytest.mark.parametrize("kind", ["linear", "previous"])
+def test_a_corner_is_met_where_a_phase_ends_though_the_final_time_is_free(
+    kind: str, method: dict[str, Any]
+) -> None:
+    """Least energy over T is 12 D^2/T^3 - 12 D d/T^2 + 4 d^2/T, with what a table does by itself; and 3 T."""
+    x, values = [0, 0.45, 3], [0, 2, -1]
+    document = disturbed(kind, **method)
+    problem = document["problem"]
+    problem["data"]["Td"] |= {"x": x, "values": values}
+    problem |= {"final_time": [0.5, 3], "objective": {"running": "u^2 + 3"}}
+    problem["phases"] = [{"name": "before", "final_time": 0.45}, {"name": "on"}]
+
+    def push(t: float) -> float:
+        return float(np.interp(t, x, values)) if kind == "linear" else 2.0 * (t >= 0.45)
+
+    def cost(time: float) -> float:
+        speed = quad(push, 0, time, points=[0.45])[0]
+        way = 1 - quad(lambda t: (time - t) * push(t), 0, time, points=[0.45])[0]
+        return 12 * way**2 / time**3 + 12 * way * speed / time**2 + 4 * speed**2 / time + 3 * time
+
+    best = minimize_scalar(cost, (1, 2, 3), options={"xtol": 1e-12})
+    result = result_of(document)
+    assert result["success"], result["message"]
+    assert result["final_time"] == pytest.approx(best.x, abs=1e-5)
+    assert result["objective"] == pytest.approx(best.fun, abs=1e-7)
+    assert result["warnings"] == []
 
 
 def test_what_counts_over_the_whole_flight() -> None:
