@@ -3,7 +3,9 @@
 On a segment whose error is too large, the coefficients of the states in Legendre polynomials tell what
 helps. Where they fall fast the solution is smooth, and each node more divides the error by the same factor:
 as many are added as the decay promises to be enough. Where they do not, or there would be too many, the
-segment is cut. Neighbours whose error is far below the target are joined.
+segment is cut. Neighbours whose error is far below the target are joined. Where a control jumps from bound to
+bound, polynomials pass both: a short segment of one node is laid around the jump, on which the control is a
+constant.
 
 Sources: M. A. Patterson, W. W. Hager, A. V. Rao, A ph mesh refinement method for optimal control, Optim.
 Control Appl. Meth. 36, 2015, 398-421; F. Liu, W. W. Hager, A. V. Rao, Adaptive mesh refinement method for
@@ -13,8 +15,10 @@ optimal control using decay rates of Legendre polynomial coefficients, IEEE Tran
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import groupby
 
 import numpy as np
 from numpy.polynomial.legendre import legvander
@@ -41,6 +45,10 @@ _MOST_PIECES = 4
 # Decades by which the coefficients must fall from degree to degree for a solution to count as smooth.
 _SMOOTH = 0.25
 _FLAT = 1e-3
+# The part of where a jump is seen by polynomials of higher degree in which it lies.
+_FIRST_MOMENT = 0.125
+# A segment for a jump is this much shorter than it might be.
+_SPARE = 1.4
 _SHORTEST_SEGMENT = 1e-9
 
 
@@ -73,13 +81,17 @@ class GaussMesh:
     ) -> GaussMesh:
         """See :class:`~solvers.refine.adaptive.AdaptiveMesh`."""
         worst = largest_inside(self.breaks, trajectory.breakpoints, errors)
-        pieces = [
-            piece
-            for start, stop, count, error in zip(
-                self.breaks[:-1], self.breaks[1:], self.counts, worst, strict=True
-            )
-            for piece in _pieces(trajectory, (start, stop), count, error / target)
-        ]
+        breaks, held, lost = self._placed(jumps, worst / target)
+        pieces: list[_Piece] = []
+        for is_lost, run in groupby(range(worst.size), self._touched(lost).__getitem__):
+            segments = list(run)
+            if is_lost:
+                pieces += self._around(lost, segments[0], segments[-1])
+                continue
+            for index in segments:
+                span = float(breaks[index]), float(breaks[index + 1])
+                excess = 0.0 if index in held else float(worst[index]) / target
+                pieces += _pieces(trajectory, span, self.counts[index], excess)
         ends, counts, _ = zip(*_joined(pieces, self.corners), strict=True)
         finer = replace(self, breaks=np.concatenate([[0.0], ends]), counts=counts)
         if sum(counts) > MAX_NODES:
@@ -87,6 +99,56 @@ class GaussMesh:
         if np.min(np.diff(finer.breaks)) < _SHORTEST_SEGMENT:
             raise MeshLimit("segments would be shorter than a billionth of the horizon")
         return finer
+
+    def _placed(self, jumps: Sequence[Jump], excess: Vector) -> tuple[Vector, set[int], list[Jump]]:
+        """The breaks, the segments that hold a jump, and the jumps that none of one node holds as yet.
+
+        Places of jumps may move with other errors: where these are good enough, segments around jumps are
+        shortened, by moving their breaks.
+        """
+        breaks, held, lost = self.breaks.copy(), set(), []
+        settled = np.all(excess[np.array(self.counts) > 1] <= 1.0)
+        for jump in jumps:
+            owner = min(int(np.searchsorted(self.breaks[1:], jump.place)), excess.size - 1)
+            if self.counts[owner] > 1:
+                if jump.excess > 1.0 or excess[self._touched([jump])].max() > 1.0:
+                    lost.append(jump)
+                continue
+            held.add(owner)
+            too_much = max(jump.excess, float(excess[owner]))
+            if settled and too_much > 1.0:
+                # Errors there fall with the square of the length, to which the place is right too.
+                width = float(self.breaks[owner + 1] - self.breaks[owner])
+                half = 0.5 * max(width**2, width / (_SPARE * math.sqrt(too_much)))
+                breaks[[owner, owner + 1]] = jump.place - half, jump.place + half
+        return breaks, held, lost
+
+    def _touched(self, jumps: Sequence[Jump]) -> NDArray[np.bool_]:
+        """Which segments lie where one of these jumps is seen."""
+        found = np.zeros(len(self.counts), bool)
+        for jump in jumps:
+            found |= (self.breaks[1:] > jump.start) & (self.breaks[:-1] < jump.stop)
+        return found
+
+    def _around(self, jumps: Sequence[Jump], first: int, last: int) -> list[_Piece]:
+        """What becomes of segments on which jumps are seen: one of one node for each jump, others beside.
+
+        One node is a control that is constant: it cannot pass its bounds, and moves a flight as a jump does.
+        """
+        halves = [(jump, (jump.stop - jump.start) * _FIRST_MOMENT / 2.0) for jump in jumps]
+        moments = [(jump.place - half, jump.place + half) for jump, half in halves]
+        start, *inner, stop = self.breaks[first : last + 2].tolist()
+        kept = [
+            edge
+            for edge in inner
+            if edge in self.corners or not any(jump.start < edge < jump.stop for jump in jumps)
+        ]
+        cuts = [edge for moment in moments for edge in moment if start < edge < stop]
+        beside = int(np.clip(max(self.counts[first : last + 1]), _FEWEST_NODES, _MOST_NODES // 2))
+        return [
+            (end, 1 if any(left < end <= right for left, right in moments) else beside, False)
+            for end in sorted({*kept, *cuts, stop})
+        ]
 
 
 _Piece = tuple[float, int, bool]
@@ -97,7 +159,7 @@ def _pieces(trajectory: Trajectory, span: tuple[float, float], count: int, exces
     """What becomes of a segment whose error is ``excess`` times the target."""
     start, stop = span
     if excess <= 1.0:
-        return [(stop, count, excess < _FLAT)]
+        return [(stop, count, count > 1 and excess < _FLAT)]
     decay = _decay(trajectory, start, stop, count)
     decades = np.log10(excess) + 0.3
     if decay >= _SMOOTH and np.isfinite(decades):

@@ -34,6 +34,10 @@ _ORDER = 5.0
 _SAFE = 0.7
 _MOST_PIECES = 5
 _JOIN = 2.0**-8
+# A stretch between two bounds is a jump if it is shorter than this part of the horizon. Parabolas pass bounds
+# there, by up to an eighth of the range.
+_FIRM = 0.02
+_OVERSHOOT = 1e-3
 _SHORTEST_INTERVAL = 1e-9
 
 
@@ -63,6 +67,13 @@ class IntervalMesh:
     ) -> IntervalMesh:
         """See :class:`~solvers.refine.adaptive.AdaptiveMesh`."""
         worst = largest_inside(self.knots, trajectory.breakpoints, errors)
+        for jump in jumps:
+            seen = (self.knots[1:] > jump.start) & (self.knots[:-1] < jump.stop)
+            if jump.stop - jump.start < _FIRM and worst[seen].max() > max(target, _OVERSHOOT):
+                where = trajectory.time(np.array([jump.place]))[0]
+                raise MeshLimit(
+                    f"a control jumps at t = {where:.6g}, where parabolas pass its bounds on any mesh"
+                )
         number = np.ceil((worst / (_SAFE * target)) ** (1.0 / _ORDER))
         pieces = np.where(worst > target, np.clip(number, 2, _MOST_PIECES), 1).astype(np.int64)
         widths = np.diff(self.knots)

@@ -153,6 +153,28 @@ def test_a_mesh_that_is_fine_at_the_switches_alone_does_without_their_structure(
         np.testing.assert_allclose(solution.switching[name]["times"], times, rtol=0, atol=5e-4)
 
 
+@pytest.mark.parametrize(("case", "nodes"), [("two_mass_spring", 100), ("flexible_spacecraft", 400)])
+def test_segments_of_one_node_hold_the_switches(case: str, nodes: int) -> None:
+    """Polynomials of higher degree would pass the bounds beside a switch, on however short segments."""
+    solution, error = answer(case, {"name": "gpm", "adaptive": {}})
+    assert solution.success, solution.message
+    assert error <= 1e-8
+    assert solution.method["adaptive"]["nodes"] <= nodes
+    assert solution.verification.max_bound_violation is not None
+    assert solution.verification.max_bound_violation <= 1e-8
+
+
+@pytest.mark.parametrize("case", ["rigid_body", "flexible_spacecraft"])
+def test_parabolas_say_at_once_that_they_cannot_jump(case: str) -> None:
+    solution, error = answer(case, {"name": "hermite_simpson", "adaptive": {}})
+    assert error < 1e-5
+    assert solution.status.value == "unverified"
+    assert len(solution.convergence) <= 3
+    (warning,) = solution.warnings
+    assert "a control jumps at t = " in warning["detail"]
+    assert "refine: switching" in warning["detail"]
+
+
 def test_what_a_slope_in_the_place_of_a_switch_costs_is_estimated_too() -> None:
     plain, error = answer("two_mass_spring", {"name": "swcm"})
     assert plain.verification.max_state_error is not None

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import dataclasses
 import time
 from typing import Any
 
@@ -17,7 +18,7 @@ from solvers.refine.adaptive_gauss import GaussMesh
 from solvers.refine.adaptive_intervals import IntervalMesh
 from solvers.refine.adaptive_optimality import suboptimality
 from solvers.refine.adaptive_splines import SplineMesh
-from solvers.refine.jumps import jumps_of
+from solvers.refine.jumps import Jump, jumps_of
 from solvers.refine.residual import arc_errors, flight_errors
 from solvers.solution import Solution
 from solvers.solve import solve
@@ -192,6 +193,21 @@ def test_where_they_do_not_the_segment_is_cut(kinked: Trajectory) -> None:
     )
     assert finer.breaks.size > 2
     assert set(finer.counts) == {8}
+
+
+def test_a_jump_gets_a_segment_of_one_node_which_becomes_shorter(kinked: Trajectory) -> None:
+    mesh, errors = GaussMesh(np.array([0.0, 1.0]), (8,)), np.full(kinked.breakpoints.size - 1, 1e-2)
+    cut = mesh.refined(kinked, errors, 1e-6, [Jump(0.5, 0.3, 0.7, 1e4)])
+    np.testing.assert_allclose(cut.breaks, [0.0, 0.475, 0.525, 1.0])
+    assert cut.counts == (8, 1, 8)
+    # While other errors are large its place may still move.
+    seen, on_it = [Jump(0.51, 0.4, 0.6, 16.0)], dataclasses.replace(kinked, breakpoints=cut.breaks)
+    waiting = cut.refined(on_it, np.array([1e-5, 1e-9, 1e-9]), 1e-6, seen)
+    assert {0.475, 0.525} < set(np.round(waiting.breaks, 12).tolist())
+    shorter = cut.refined(on_it, np.full(3, 1e-9), 1e-6, seen)
+    assert shorter.counts == (8, 1, 8)
+    assert np.mean(shorter.breaks[1:3]) == pytest.approx(0.51)
+    assert 0.05 / 8 < np.diff(shorter.breaks)[1] < 0.05 / 4
 
 
 def test_segments_whose_error_is_negligible_are_joined(smooth: Trajectory) -> None:
