@@ -62,12 +62,13 @@ def arc_errors(problem: OptimalControlProblem, trajectory: Trajectory) -> ArcErr
     widths = np.diff(breaks)
     tau = breaks[:-1, None] + widths[:, None] * points
     shape = (-1, *tau.shape)
-    scale = scale_of(trajectory.states_at(tau.ravel()))
+    gap_with = _Gap(problem, trajectory, tau.ravel())
+    scale = scale_of(gap_with.states)
     drift = np.zeros((scale.size, tau.size))
     moves = []
     with np.errstate(all="ignore"):
         for _ in range(2):
-            gap = _gap(problem, trajectory, tau.ravel(), drift).reshape(shape)
+            gap = gap_with(drift).reshape(shape)
             moves.append(trajectory.duration * widths[:, None] * (gap @ integral.T) / scale[:, None, None])
             drift = (moves[-1][..., :-1] * scale[:, None, None]).reshape(drift.shape)
         largest, ends = np.abs(moves[1]).max(axis=-1), moves[1][..., -1]
@@ -123,9 +124,8 @@ def flight_errors(
     scale = scale_of(trajectory.states_at(breaks))
     n = scale.size
     with np.errstate(all="ignore"):
-        slopes = _slopes(
-            problem, trajectory, (breaks[1:] + breaks[:-1]) / 2.0, np.zeros((n, widths.size)), scale
-        )
+        gap = _Gap(problem, trajectory, (breaks[1:] + breaks[:-1]) / 2.0)
+        slopes = _slopes(gap, np.zeros((n, widths.size)), scale)
     if not np.isfinite(slopes).all():
         return None
     half = slopes * (trajectory.duration * widths / 2.0)[:, None, None]
@@ -140,30 +140,30 @@ def flight_errors(
     return error if begin is None else error + to_end @ begin
 
 
-def _gap(problem: OptimalControlProblem, trajectory: Trajectory, tau: Vector, drift: Vector) -> Vector:
+class _Gap:
     """f(x + d, u, t) - x' for drifts d (n, K) at K normalised times, with the control as flown."""
-    limits = _control_limits(problem)
-    controls = np.clip(trajectory.controls_at(tau), limits[:, :1], limits[:, 1:])
-    rates = problem.rate(
-        trajectory.states_at(tau) + drift,
-        controls,
-        trajectory.time(tau),
-        problem.parameters_of(trajectory),
-        NUMPY,
-    )
-    return np.array(np.broadcast_arrays(*rates, tau)[:-1]) - trajectory.rates_at(tau)
+
+    def __init__(self, problem: OptimalControlProblem, trajectory: Trajectory, tau: Vector) -> None:
+        limits = _control_limits(problem)
+        self._problem = problem
+        self._controls = np.clip(trajectory.controls_at(tau), limits[:, :1], limits[:, 1:])
+        self._time = trajectory.time(tau)
+        self._parameters = problem.parameters_of(trajectory)
+        self._slopes = trajectory.rates_at(tau)
+        self.states = trajectory.states_at(tau)
+
+    def __call__(self, drift: Vector) -> Vector:
+        rates = self._problem.rate(self.states + drift, self._controls, self._time, self._parameters, NUMPY)
+        return np.array(np.broadcast_arrays(*rates, self._time)[:-1]) - self._slopes
 
 
-def _slopes(
-    problem: OptimalControlProblem, trajectory: Trajectory, tau: Vector, drift: Vector, scale: Vector
-) -> Vector:
+def _slopes(gap: _Gap, drift: Vector, scale: Vector) -> Vector:
     """df/dx at K points x + d by central differences, in scaled states, (K, n, n)."""
     columns = []
     for index, size in enumerate(scale):
         step = np.zeros((scale.size, 1))
         step[index] = 1e-6 * size
-        ahead, behind = (_gap(problem, trajectory, tau, drift + side * step) for side in (1.0, -1.0))
-        columns.append((ahead - behind) / (2e-6 * scale[:, None]))
+        columns.append((gap(drift + step) - gap(drift - step)) / (2e-6 * scale[:, None]))
     return np.moveaxis(np.array(columns), -1, 0).swapaxes(1, 2)
 
 
@@ -180,8 +180,9 @@ def _followed(
     unit = np.eye(scale.size)
     for index in range(_STEPS):
         tau = left + width * (index + 0.5) / _STEPS
-        slopes = np.nan_to_num(_slopes(problem, trajectory, tau, drift, scale), posinf=0.0, neginf=0.0)
-        gap = _gap(problem, trajectory, tau, drift) / scale[:, None]
+        gap_with = _Gap(problem, trajectory, tau)
+        slopes = np.nan_to_num(_slopes(gap_with, drift, scale), posinf=0.0, neginf=0.0)
+        gap = gap_with(drift) / scale[:, None]
         system = unit - step[:, None, None] * slopes
         drift = drift + scale[:, None] * np.linalg.solve(system, (step * gap).T[..., None])[..., 0].T
         largest = np.maximum(largest, np.abs(drift / scale[:, None]))

@@ -55,6 +55,11 @@ class Assembly(ABC):
     def quadrature(self) -> tuple[Instants, Vector]:
         """Instants and weights (for an integral over tau in [0, 1]) of the running cost."""
 
+    @property
+    def quadrature_weights(self) -> Vector:
+        """The weights alone."""
+        return self.quadrature()[1]
+
     def allocate_scalars(self) -> None:
         """Append the design parameters and the values of the integrals."""
         self.builder.unknowns(

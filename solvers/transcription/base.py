@@ -143,7 +143,7 @@ class Transcription(Assembly):
             return self.problem
         places = self.builder.places["integrals"]
         adjoint = self.builder.adjoint(places, row_multipliers) * self.scaling.objective
-        _, weights = self.quadrature()
+        weights = self.quadrature_weights
         return self.problem.with_integrals_in_cost(
             adjoint.reshape(weights.size, -1).sum(axis=0) / weights.sum()
         )
@@ -157,7 +157,7 @@ class Transcription(Assembly):
         points this is the mapping of Benson et al. (2006).
         """
         adjoint = self.builder.adjoint(self.builder.places["rates"], row_multipliers) * self.scaling.objective
-        _, weights = self.quadrature()
+        weights = self.quadrature_weights
         return self.spread(adjoint.reshape(weights.size, -1).T / weights)
 
     def spread(self, costates: Vector) -> Vector:

@@ -107,8 +107,13 @@ class GaussPseudospectral(Transcription):
 
     def quadrature(self) -> tuple[Instants, Vector]:
         """Gauss quadrature on each segment."""
+        return self.path_instants(), self.quadrature_weights
+
+    @property
+    def quadrature_weights(self) -> Vector:
+        """See :class:`Assembly`."""
         weights = [width / 2.0 * shares for width, (_, shares) in zip(self.widths, self._rules, strict=True)]
-        return self.path_instants(), np.concatenate(weights)
+        return np.concatenate(weights)
 
     def constrain_dynamics(self) -> None:
         """Differentiation at the nodes, quadrature to the end of each segment."""
