@@ -18,7 +18,7 @@ from solvers.sizes import problem_size
 from solvers.spec import parse_document
 from solvers.spec.sweep import SweepPlan, check_sweep
 from worker.errors import QueueUnavailable
-from worker.records import JobRecord, JobStatus, SweepPlace, new_job_id, timestamp
+from worker.records import JobStatus, SweepPlace, new_job_id, timestamp
 from worker.sweeps import SweepRecord, TableRow
 
 logger = logging.getLogger(__name__)
@@ -88,12 +88,15 @@ def submit_sweep(service: Service, body: bytes, key: str | None, principal: Prin
 
 def _queue(service: Service, sweep_id: str, plan: SweepPlan, principal: Principal) -> None:
     service.admit(principal.project, len(plan.points))
+    # Of a point's size only the time is asked; what is solved in the same way takes about as long.
+    specs = {repr(point.spec.method): point.spec for point in plan.points}
+    sizes = {method: problem_size(spec) for method, spec in specs.items()}
     jobs = [
         (
             new_record(
                 new_job_id(),
                 point.spec,
-                problem_size(point.spec),
+                sizes[repr(point.spec.method)],
                 principal,
                 SweepPlace(sweep_id, index, point.place),
             ),
@@ -106,16 +109,10 @@ def _queue(service: Service, sweep_id: str, plan: SweepPlan, principal: Principa
         sweep_id, plan.pointers, plan.zipped, len(jobs), time.time(), name, project=principal.project
     )
     service.sweeps.add(record, jobs, [point.values for point in plan.points])
-    _publish(service, [jobs[index][0] for index in plan.path])
-
-
-def _publish(service: Service, records: Sequence[JobRecord]) -> None:
-    for number, record in enumerate(records):
-        try:
-            service.queue.enqueue(record)
-        except QueueUnavailable as error:
-            logger.warning("%s; %d of a sweep's jobs wait for the reconciler", error, len(records) - number)
-            return
+    try:
+        service.queue.enqueue(*(jobs[index][0] for index in plan.path))
+    except QueueUnavailable as error:
+        logger.warning("%s; jobs of sweep %s wait for the reconciler", error, sweep_id)
 
 
 def sweep_view(record: SweepRecord, rows: Sequence[TableRow], *, table: bool) -> SweepView:

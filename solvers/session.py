@@ -6,12 +6,14 @@ import time
 from abc import abstractmethod
 from collections.abc import Hashable, Sequence
 from dataclasses import dataclass, field, fields, replace
+from functools import cached_property
 from typing import Any, Generic, Protocol, Self, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from solvers.cache import STRUCTURES, CompiledStructure
+from solvers.certificate import hamiltonian_drift
 from solvers.optimizers.ipopt import Ipopt, Iterate, Limits, Outcome
 from solvers.problem import OptimalControlProblem
 from solvers.program import NonlinearProgram
@@ -91,6 +93,16 @@ class Solved(Stand[Transcription, Trajectory]):
     def weighted_problem(self) -> OptimalControlProblem:
         """The problem with its integrals, times their multipliers, in the running cost."""
         return self.transcription.weighted_problem(self.outcome.row_multipliers)
+
+    @cached_property
+    def costates(self) -> Vector:
+        """Costates (n, K) at the nodes of the trajectory."""
+        return self.transcription.costates(self.trajectory, self.outcome.row_multipliers)
+
+    @cached_property
+    def hamiltonian_drift(self) -> float | None:
+        """How far the Hamiltonian wanders along it, see :func:`solvers.certificate.hamiltonian_drift`."""
+        return hamiltonian_drift(self.weighted_problem, self.trajectory, self.costates)
 
     @property
     def parts(self) -> Sequence[Solved]:

@@ -7,7 +7,6 @@ import time
 from dataclasses import replace
 from typing import Any
 
-from solvers.certificate import hamiltonian_drift
 from solvers.diagnosis import diagnose, sentence
 from solvers.elastic import place_in_document
 from solvers.errors import DocumentError, Fault
@@ -84,7 +83,6 @@ def solve(
         answers = [improved.solved]
     improved, extremals = other_structures(session, improved, spec.options.starts - 1)
     solved = improved.solved
-    costates = solved.transcription.costates(solved.trajectory, solved.outcome.row_multipliers)
     plants = [
         PlantAnswer(
             plant,
@@ -96,7 +94,7 @@ def solve(
     leading, trajectory = formulation.plants[0], plants[0].trajectory
     verification = replace(
         plants[0].verification,
-        hamiltonian_drift=hamiltonian_drift(solved.weighted_problem, solved.trajectory, costates),
+        hamiltonian_drift=solved.hamiltonian_drift,
         mesh_error_estimate=improved.mesh_errors[0],
     )
     verification = improved.certified(verification)
@@ -115,7 +113,7 @@ def solve(
         spec=spec,
         problem=leading.problem,
         trajectory=trajectory,
-        costates=costates[leading.rows(solved.trajectory)],
+        costates=solved.costates[leading.rows(solved.trajectory)],
         objective=solved.objective,
         status=status,
         message=" ".join([message, *sentence(diagnosis), *(item["detail"] for item in warnings)]),

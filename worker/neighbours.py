@@ -29,6 +29,7 @@ class Neighbours:
         self._store = store
         self._sweeps = sweeps
         self._answers: OrderedDict[str, deque[tuple[Place, AnyTrajectory]]] = OrderedDict()
+        self._found: str | None = None
 
     def nearest(self, at: SweepPlace) -> AnyTrajectory | None:
         """Return the answer of the solved point nearest to ``at``, None where none is known."""
@@ -41,16 +42,16 @@ class Neighbours:
         )
 
     def found(self, at: SweepPlace, job_id: str, answer: AnyTrajectory) -> None:
-        """Remember the answer of a point, and let other processes know that there is one."""
+        """Remember the answer of a point; others are told of it when the job has ended."""
         self._answers.setdefault(at.sweep, deque(maxlen=_ANSWERS)).append((at.place, answer))
+        self._found = job_id
         self._answers.move_to_end(at.sweep)
         while len(self._answers) > _SWEEPS:
             self._answers.popitem(last=False)
-        self._sweeps.solved(at, job_id)
 
-    def ended(self, at: SweepPlace, ending: Mapping[str, Any]) -> None:
-        """Note the end of a point's job (see `ending_of`) in the table of its sweep."""
-        self._sweeps.note(at, ending)
+    def ended(self, at: SweepPlace, job_id: str, ending: Mapping[str, Any]) -> None:
+        """Note the end of a point's job (see `ending_of`), and whether others may start from its answer."""
+        self._sweeps.note(at, ending, job_id if self._found == job_id else None)
 
     def _read(self, job_ids: Iterable[str]) -> AnyTrajectory | None:
         kept = (result for job_id in job_ids if (result := self._store.kept_result(job_id)) is not None)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import logging
-import math
 import os
 import signal
 import threading
@@ -107,7 +106,7 @@ class StoreProgress:
         self._asked_at: float | None = None
         self._heard_at: float | None = None
         self._away = False
-        self._told_at = -math.inf
+        self._told_at = time.monotonic()
         # Held while the store is asked, and by the end of the solve, after which it is asked no more.
         self._asking = threading.Lock()
         self._over = False

@@ -30,10 +30,16 @@ class JobQueue:
         limit = math.ceil(record.max_seconds + self._beyond)
         return self._key(record.priority), message_of(record.id, queue_of(record.priority), limit)
 
-    def enqueue(self, record: JobRecord) -> None:
-        """Publish a job that was recorded before. Raises QueueUnavailable if the broker did not take it."""
+    def enqueue(self, *records: JobRecord) -> None:
+        """Publish jobs that were recorded before, in their order.
+
+        Raises QueueUnavailable if the broker did not take them, or not all.
+        """
         try:
-            self._redis.lpush(*self.publication(record))
+            with self._redis.pipeline(transaction=False) as pipe:
+                for record in records:
+                    pipe.lpush(*self.publication(record))
+                pipe.execute()
         except RedisError as error:
             raise QueueUnavailable("the broker did not take the job") from error
 

@@ -27,8 +27,13 @@ _NEAR = 16
 _GONE = "gone"
 
 _NOTE = """
--- KEYS = sweep, points, ends, near. ARGV = index, ending, retention, now, channel, id.
+-- KEYS = sweep, points, ends, near. ARGV = index, ending, retention, now, channel, id, entry of near or '',
+-- how many of these are kept.
 if redis.call('EXISTS', KEYS[1]) == 0 then return 0 end
+if ARGV[7] ~= '' then
+  redis.call('LPUSH', KEYS[4], ARGV[7])
+  redis.call('LTRIM', KEYS[4], 0, ARGV[8] - 1)
+end
 if redis.call('HSETNX', KEYS[3], ARGV[1], ARGV[2]) == 0 then return 0 end
 if redis.call('HLEN', KEYS[3]) == tonumber(redis.call('HGET', KEYS[1], 'count')) then
   redis.call('HSET', KEYS[1], 'finished_at', ARGV[4])
@@ -176,20 +181,15 @@ class SweepStore:
         self.note(SweepPlace(sweep_id, index, ()), ending)
         return ending
 
-    def note(self, at: SweepPlace, ending: Mapping[str, Any]) -> None:
-        """Note how a point has ended; what was noted first stays."""
-        text = json.dumps(ending, allow_nan=False)
-        args = (at.index, text, self._retention, time.time(), self._store.channel, at.sweep)
-        self._note(keys=self._keys(at.sweep), args=args)
+    def note(self, at: SweepPlace, ending: Mapping[str, Any], start: str | None = None) -> None:
+        """Note how a point has ended; what was noted first stays.
 
-    def solved(self, at: SweepPlace, job_id: str) -> None:
-        """Note that a point has an answer from which its neighbours may start."""
-        near = self._keys(at.sweep)[3]
-        with self._redis.pipeline(transaction=True) as pipe:
-            pipe.lpush(near, json.dumps([job_id, at.place]))
-            pipe.ltrim(near, 0, _NEAR - 1)
-            pipe.expire(near, self._retention)
-            pipe.execute()
+        ``start`` is its job if that has an answer from which its neighbours may start.
+        """
+        text = json.dumps(ending, allow_nan=False)
+        near = "" if start is None else json.dumps([start, at.place])
+        told = (self._retention, time.time(), self._store.channel, at.sweep, near, _NEAR)
+        self._note(keys=self._keys(at.sweep), args=(at.index, text, *told))
 
     def solved_last(self, sweep_id: str) -> list[tuple[str, tuple[float, ...]]]:
         """Return the jobs that were solved last, with their places."""

@@ -83,7 +83,8 @@ def solve_job(
     if written:
         logger.info("job %s: %s", job_id, end.status)
         if neighbours is not None and job.record.sweep is not None:
-            neighbours.ended(job.record.sweep, ending_of(end.status, end.error, end.figures))
+            ending = ending_of(end.status, end.error, end.figures)
+            neighbours.ended(job.record.sweep, job_id, ending)
     else:
         logger.warning("job %s ended elsewhere meanwhile; this end (%s) is not written", job_id, end.status)
 

@@ -212,7 +212,7 @@ def _reached(improved: Improved[Solved]) -> _Answer:
         solved.transcription.integrals(solved.outcome.unknowns),
         solved.outcome.status,
         improved,
-        solved.transcription.costates(solved.trajectory, solved.outcome.row_multipliers),
+        solved.costates,
     )
 
 

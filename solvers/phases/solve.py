@@ -11,7 +11,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from solvers.certificate import hamiltonian_drift
 from solvers.diagnosis import diagnose, sentence
 from solvers.errors import Fault
 from solvers.evaluation_fault import find_evaluation_fault
@@ -65,16 +64,14 @@ def solve_phases(
         answers = [improved.solved]
     solved = improved.solved
     answer = problem.plants(solved.trajectory)
-    costates = [
-        part.transcription.costates(part.trajectory, part.outcome.row_multipliers) for part in solved.parts
-    ]
+    costates = [part.costates for part in solved.parts]
     verification = flown_in_time(
         session,
         spec,
         solved.outcome.status,
         lambda limits, end: verify_phases(problem, answer, limits, end),
     )
-    verification = _certified(improved, costates, verification)
+    verification = _certified(improved, verification)
     status, message = judged(
         solved.outcome.status, [("", verification)], lambda: _evaluation_fault(problem, answer)
     )
@@ -134,12 +131,9 @@ def _empty(problem: PhasedProblem, solved: PhasedSolved) -> Iterator[dict[str, s
         yield {"code": "empty_phase", "pointer": f"/problem/phases/{index}", "detail": detail}
 
 
-def _certified(
-    improved: Improved[PhasedSolved], costates: Sequence[Vector], verification: Verification
-) -> Verification:
+def _certified(improved: Improved[PhasedSolved], verification: Verification) -> Verification:
     """The verification with the Hamiltonian of every phase and the errors of its mesh, worst first."""
-    pairs = list(zip(improved.solved.parts, costates, strict=True))
-    drifts = [hamiltonian_drift(part.weighted_problem, part.trajectory, own) for part, own in pairs]
+    drifts = [part.hamiltonian_drift for part in improved.solved.parts]
     errors = improved.mesh_errors
     parts = tuple(
         replace(part, hamiltonian_drift=drift, mesh_error_estimate=error)

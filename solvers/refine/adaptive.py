@@ -236,6 +236,5 @@ def _flight_error(session: Solving[Ended], solved: Ended, found: Sequence[ArcErr
 
 def _given_away(part: Solved) -> Vector:
     """What the controls of a part give away between breakpoints, relative to the objective, (K,)."""
-    costates = part.transcription.costates(part.trajectory, part.outcome.row_multipliers)
-    gap = suboptimality(part.weighted_problem, part.trajectory, costates)
+    gap = suboptimality(part.weighted_problem, part.trajectory, part.costates)
     return gap / max(abs(part.objective), SMALLEST_SCALE)

@@ -14,7 +14,6 @@ from typing import Any, Generic
 import numpy as np
 from numpy.typing import NDArray
 
-from solvers.certificate import hamiltonian_drift
 from solvers.mesh_points import spline_mesh
 from solvers.problem import OptimalControlProblem
 from solvers.refine.detection import find_structure
@@ -289,7 +288,7 @@ def _structure_of(solved: Solved) -> Structure:
     return find_structure(
         solved.weighted_problem,
         solved.trajectory,
-        lambda: solved.transcription.costates(solved.trajectory, solved.outcome.row_multipliers),
+        lambda: solved.costates,
     )
 
 
@@ -319,8 +318,7 @@ def _wander(solved: Solved) -> float:
     States may be right between the nodes for whatever control is flown: x' = u is. The control is the best
     one only where the Hamiltonian is constant.
     """
-    costates = solved.transcription.costates(solved.trajectory, solved.outcome.row_multipliers)
-    drift = hamiltonian_drift(solved.weighted_problem, solved.trajectory, costates)
+    drift = solved.hamiltonian_drift
     return 0.0 if drift is None or drift <= DRIFT else TOLERANCE * drift / (_DRIFT_AIM * DRIFT)
 
 
