@@ -8,16 +8,20 @@ from __future__ import annotations
 
 import json
 from collections import OrderedDict, deque
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 from solvers.phases.trajectory import AnyTrajectory, trajectory_of
+from solvers.prediction import predicted
+from solvers.trajectory import Trajectory
 from worker.records import SweepPlace
 from worker.store import JobStore
 from worker.sweeps import SweepStore
 
 _SWEEPS = 4
 _ANSWERS = 32
+# So many answers in a row predict the next one.
+_ROW = 3
 
 Place = tuple[float, ...]
 
@@ -32,10 +36,14 @@ class Neighbours:
         self._found: str | None = None
 
     def nearest(self, at: SweepPlace) -> AnyTrajectory | None:
-        """Return the answer of the solved point nearest to ``at``, None where none is known."""
+        """Return where to start a point from, None where nothing is known.
+
+        It is what the solved points nearest to ``at`` predict where they lie in a row with it, else the
+        answer of the nearest one.
+        """
         own = self._answers.get(at.sweep)
         if own:
-            return min(own, key=lambda entry: _distance(entry[0], at.place))[1]
+            return _start(sorted(own, key=lambda entry: _distance(entry[0], at.place)), at.place)
         solved = self._sweeps.solved_last(at.sweep)
         return self._read(
             job_id for job_id, place in sorted(solved, key=lambda it: _distance(it[1], at.place))
@@ -57,6 +65,26 @@ class Neighbours:
         kept = (result for job_id in job_ids if (result := self._store.kept_result(job_id)) is not None)
         result = next(kept, None)
         return None if result is None else trajectory_of(json.loads(result))
+
+
+def _start(known: Sequence[tuple[Place, AnyTrajectory]], at: Place) -> AnyTrajectory:
+    """What a point starts from, of the answers that are ``known``, nearest first."""
+    place, nearest = known[0]
+    axes = [axis for axis, (own, other) in enumerate(zip(at, place, strict=True)) if own != other]
+    if len(axes) != 1:
+        return nearest
+    (axis,) = axes
+    row = {
+        other[axis]: answer
+        for other, answer in reversed(known)
+        if isinstance(answer, Trajectory) and _distance(other, at) == (other[axis] - at[axis]) ** 2 > 0.0
+    }
+    places = sorted(row, key=lambda own: abs(own - at[axis]))[:_ROW]
+    for count in range(len(places), 1, -1):
+        start = predicted(places[:count], [row[own] for own in places[:count]], at[axis])
+        if start is not None:
+            return start
+    return nearest
 
 
 def _distance(first: Place, second: Place) -> float:

@@ -23,6 +23,8 @@ _ACTIVE = 1e-5
 _NEAR = 1e-3
 _GAP = 3
 _SHORTEST_STRETCH = 4
+# A control jumps by more than this part of its own range.
+_JUMP = 1e-3
 
 
 def find_structure(
@@ -108,11 +110,29 @@ def _control_pieces(
                 strengths = _strengths(switching_functions(problem, trajectory, costates()))
             arcs = control_arcs(values, bounds, strengths[index], held[index])
         levels = [arc.level(bounds) for arc in arcs]
+        instants = switch_instants(tau, values, bounds, arcs)
         found[name] = Pieces(
-            switch_instants(tau, values, bounds, arcs),
+            instants if costates else _at_jumps(trajectory, name, instants),
             np.array([np.nan if level is None else level for level in levels]),
         )
     return found
+
+
+def _at_jumps(trajectory: Trajectory, control: str, instants: Vector) -> Vector:
+    """The instants, and where the control jumps between the same two nodes, that instant in its place.
+
+    Between its nodes an answer whose structure was refined knows better than they do where it switches.
+    """
+    curve, breaks = trajectory.controls[control], trajectory.breakpoints[1:-1]
+    heights = np.abs(curve(breaks) - curve(np.nextafter(breaks, 0.0)))
+    jumps = breaks[heights > _JUMP * np.ptp(curve(trajectory.nodes))]
+    between = np.searchsorted(trajectory.nodes, jumps)
+    moved = instants.copy()
+    for index, place in enumerate(np.searchsorted(trajectory.nodes, instants)):
+        found = jumps[between == place]
+        if found.size == 1:
+            moved[index] = found[0]
+    return moved
 
 
 def _stretches(problem: OptimalControlProblem, trajectory: Trajectory) -> dict[Limit, Vector]:

@@ -10,6 +10,7 @@ import pytest
 
 from solvers.catalogue import load_case
 from solvers.flight import ControlledModel
+from solvers.prediction import predicted
 from solvers.progress import ProgressReport
 from solvers.solution import Solution
 from solvers.solve import solve
@@ -232,6 +233,24 @@ def test_a_neighbour_is_solved_from_the_structure_alone(stiffness: float) -> Non
     assert warm.switching["T"]["times"] == pytest.approx(cold.switching["T"]["times"], abs=1e-6)
     assert len(warm.convergence) == 1
     assert warm.statistics.iterations < cold.statistics.iterations / 2
+
+
+def test_answers_in_a_row_predict_the_next_one() -> None:
+    """And an answer begins with its own switches, so that it obeys the model from the start."""
+    document = load_case("flexible_spacecraft")
+    document["method"] = {"name": "swcm", "J": 4, "refine": "switching"}
+    stiffnesses, answers = [100.0, 100.2, 100.4], [solve(check_document(document))]
+    for stiffness in stiffnesses[1:]:
+        document["problem"]["model"]["parameters"]["k"] = stiffness
+        answers.append(resumed(document, answers[-1].trajectory))
+    again = resumed(document, answers[-1].trajectory)
+    assert again.convergence[0]["iterates"][0][2] < 1e-10
+    document["problem"]["model"]["parameters"]["k"] = 100.6
+    start = predicted(stiffnesses[::-1], [answer.trajectory for answer in answers[::-1]], 100.6)
+    ahead, warm = resumed(document, start), resumed(document, answers[-1].trajectory)
+    assert ahead.success
+    assert ahead.objective == pytest.approx(warm.objective, abs=1e-10)
+    assert ahead.statistics.iterations < warm.statistics.iterations
 
 
 def bryson_denham(limit: float) -> dict[str, Any]:
