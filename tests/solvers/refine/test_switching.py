@@ -17,6 +17,7 @@ from solvers.solve import solve
 from solvers.spec import check_document
 from solvers.status import SolveStatus
 from solvers.trajectory import Trajectory
+from tests.solvers.refine.estimates import assert_estimate_is_true
 
 METHODS = ["swcm", "gpm", "hermite_simpson"]
 
@@ -53,6 +54,7 @@ def test_a_refined_answer_is_exact_and_flies(case: str, method: str) -> None:
     assert solution.verification.terminal_error is not None
     assert solution.verification.terminal_error <= 1e-8
     assert solution.verification.max_bound_violation <= 1e-9
+    assert_estimate_is_true(solution.verification)
     for name, times in (reference["switching"] if switch_error else {}).items():
         assert result["switching"][name]["times"] == pytest.approx(times, abs=switch_error)
 
@@ -64,6 +66,7 @@ def test_the_hypersensitive_problem_is_refined_from_a_mesh_that_shows_nothing_of
     solution = refined(document, method)
     assert solution.success, solution.message
     assert solution.objective == pytest.approx(document["reference"]["objective"], rel=1e-10)
+    assert_estimate_is_true(solution.verification)
 
 
 def test_the_result_says_what_was_done() -> None:
