@@ -3,7 +3,8 @@
 .venv/bin/python benchmarks/piecewise.py [missions] [gains] [yardstick] [baseline] [starts] [schedules]
 
 ``parallel`` and ``sequential`` are whole missions, flown with the predictor in a process of its own and in
-this one; ``wait`` is the median time between the end of a tracking and the beginning of the next.
+this one; ``wait`` is the median time between the end of a tracking and the beginning of the next, and
+``hand-over`` the part of it in which nobody computes: asking, sending, waking, reading.
 """
 
 from __future__ import annotations
@@ -185,11 +186,14 @@ def overlap(label: str, document: Document, runs: int = 3) -> str:
     )
     predicted = sum(segment.reference.seconds for segment in alone.segments[1:])
     tracked = sum(segment.tracking_seconds for segment in alone.segments)
-    wait = 1e3 * float(np.median([segment.wait for segment in apart.segments[1:]]))
+    wait, hand_over = (
+        1e3 * float(np.median([getattr(segment, name) for segment in apart.segments[1:]]))
+        for name in ("wait", "hand_over")
+    )
     ideal = (predicted + tracked) / max(predicted, tracked)
     return (
         f"| {label} | {predicted:.2f} + {tracked:.2f} | {alone.seconds:.2f} | {apart.seconds:.2f} "
-        f"| {alone.seconds / apart.seconds:.2f} | {ideal:.2f} | {wait:.1f} |"
+        f"| {alone.seconds / apart.seconds:.2f} | {ideal:.2f} | {wait:.1f} | {hand_over:.1f} |"
     )
 
 
@@ -246,7 +250,16 @@ def starts() -> None:
 
 def schedules() -> None:
     """Two processes against one."""
-    head("schedule", "predict + track, s", "sequential, s", "parallel, s", "ratio", "ideal", "wait, ms")
+    head(
+        "schedule",
+        "predict + track, s",
+        "sequential, s",
+        "parallel, s",
+        "ratio",
+        "ideal",
+        "wait, ms",
+        "hand-over, ms",
+    )
     for name in ("edt_igrf", "edt_dipole", "pse"):
         print(overlap(name, load_case(name)), flush=True)
 

@@ -40,6 +40,13 @@ _FAST = {"ipopt.fast_step_computation": "yes"}
 _NEAR = {"ipopt.bound_push": 1e-3, "ipopt.bound_frac": 1e-3, "ipopt.mu_init": 1e-4}
 _NEARER = {"ipopt.bound_push": 1e-4, "ipopt.bound_frac": 1e-4, "ipopt.mu_init": 1e-6}
 _FALLING = {"ipopt.bound_push": 1e-6, "ipopt.bound_frac": 1e-6}
+# Where other bounds will matter than at the initial point, it is moved well inside, and says nothing about
+# multipliers of rows. On predictions of the piecewise cases 28 iterations are the most, not 83.
+_INSIDE = {
+    "ipopt.bound_push": 0.1,
+    "ipopt.bound_frac": 0.1,
+    "ipopt.constr_mult_init_max": 0.0,
+}
 
 # Scaled unknowns are of order one; beyond this the optimum is at infinity, and IPOPT's own limit, 1e20, is
 # passed too late: steps there are too short to get to it in thousands of iterations.
@@ -149,7 +156,7 @@ class Ipopt:
         if not exact:
             options |= _FAST
         if barrier is not None:
-            options |= {"ipopt.mu_init": barrier} | (_FALLING if warm else {})
+            options |= {"ipopt.mu_init": barrier} | (_FALLING if warm else _INSIDE)
         else:
             options |= _ADAPTIVE
             if warm:

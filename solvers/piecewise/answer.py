@@ -21,6 +21,7 @@ from solvers.problem import OptimalControlProblem
 from solvers.report import constraint_margins
 from solvers.solution import Solution, Statistics
 from solvers.status import SolveStatus
+from solvers.switching import find_switching
 from solvers.trajectory import Trajectory
 from solvers.verification import Tolerances, Verification
 
@@ -63,7 +64,7 @@ def answer(setup: Setup, compiled: CompiledPlant, mission: Mission, seconds: dic
         verification=verification,
         integrals={},
         model_report=None,
-        switching={},
+        switching=find_switching(problem, trajectory),
         constraints=constraint_margins(setup.problem, trajectory, {}),
         convergence=[],
         starts=[],
@@ -88,12 +89,13 @@ def answer(setup: Setup, compiled: CompiledPlant, mission: Mission, seconds: dic
 
 def _schedules(mission: Mission) -> dict[str, float | None]:
     """Seconds of the mission as it went, and of its parts one after the other."""
-    sequential, waits = mission.sequential_seconds, [segment.wait for segment in mission.segments[1:]]
+    sequential, later = mission.sequential_seconds, mission.segments[1:]
     return {
         "parallel": mission.seconds,
         "sequential": sequential,
         "speedup": sequential / mission.seconds if mission.seconds else None,
-        "median_wait": float(np.median(waits)) if waits else None,
+        "median_wait": float(np.median([segment.wait for segment in later])) if later else None,
+        "median_hand_over": float(np.median([segment.hand_over for segment in later])) if later else None,
     }
 
 
@@ -204,6 +206,7 @@ def _report(problem: OptimalControlProblem, segment: Segment) -> dict[str, Any]:
         },
         "tracking_seconds": segment.tracking_seconds,
         "wait_seconds": segment.wait,
+        "hand_over_seconds": segment.hand_over,
     }
 
 

@@ -90,17 +90,18 @@ class _Buffered:
     def __init__(self, function: ca.Function) -> None:
         self._function = function  # the buffer does not keep it alive
         self._buffer, self._evaluate = function.buffer()
-        self._inputs = [np.zeros(max(1, function.nnz_in(i))) for i in range(function.n_in())]
+        # A buffer may not be empty.
+        kept = [np.zeros(max(1, function.nnz_in(i))) for i in range(function.n_in())]
+        self._inputs = [values[: function.nnz_in(i)] for i, values in enumerate(kept)]
         self._outputs = [np.zeros(max(1, function.nnz_out(i))) for i in range(function.n_out())]
-        for index, values in enumerate(self._inputs):
+        for index, values in enumerate(kept):
             self._buffer.set_arg(index, memoryview(values))  # type: ignore[call-arg,arg-type]
         for index, values in enumerate(self._outputs):
             self._buffer.set_res(index, memoryview(values))  # type: ignore[call-arg,arg-type]
 
     def __call__(self, *values: Vector | float) -> list[Vector]:
         for place, value in zip(self._inputs, values, strict=True):
-            if np.size(value):
-                place[:] = value
+            place[:] = value
         self._evaluate()
         return [output.copy() for output in self._outputs]
 

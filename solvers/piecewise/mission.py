@@ -27,8 +27,9 @@ Vector = NDArray[np.float64]
 class Segment:
     """A segment as predicted and as tracked, and the seconds that both took.
 
-    ``wait``: from the end of the tracking before it to the beginning of its own. ``held`` (N, .): what the
-    plant held over each piece.
+    ``wait``: from the end of the tracking before it to the beginning of its own; ``hand_over``: what of it is
+    not the longer prediction's, but asking, sending, waking and reading. ``held`` (N, .): what the plant held
+    over each piece.
     """
 
     reference: Reference
@@ -36,6 +37,7 @@ class Segment:
     held: Vector
     tracking_seconds: float
     wait: float
+    hand_over: float
 
 
 @dataclass
@@ -109,7 +111,7 @@ def _standing(setup: Setup, plant: CompiledPlant, status: SolveStatus) -> Segmen
     reference = Reference(0, times, seen, controls, nothing, np.nan, status, "Not_Begun", 0, 0, 0)
     track = Track(times, states, seen, controls[:, :-1].T, controls[:, 1:].T)
     held = np.zeros((times.size - 1, len(plant.plant.equations.held_names)))
-    return Segment(reference, track, held, 0.0, 0.0)
+    return Segment(reference, track, held, 0.0, 0.0, 0.0)
 
 
 def _fly(
@@ -133,18 +135,21 @@ def _fly(
     _hold_finite(mission, flight.see(state, setup.problem.initial_time[0]), "observe")
     reference = predictions.take(watch)
     begun = time.perf_counter()
-    tracked = begun
+    tracked, tracking = begun, 0.0
     for index in range(count):
         _judge(mission, reference)
         started = time.perf_counter()
         wait = started - tracked
+        # A prediction that takes longer than the tracking beside it is waited for by the difference.
+        hand_over = wait - max(0.0, reference.seconds - tracking) if index else 0.0
         if index + 1 < count:
             predictions.ask(Follow(deadline - time.monotonic(), flight.see(state, float(reference.times[0]))))
         flight.held.clear()
         track = setup.tracker.follow(reference, setup.tracker.gains(reference), flight, state, watch)
         tracked = time.perf_counter()
+        tracking = tracked - started
         _hold_finite(mission, track.seen, "observe")
-        mission.segments.append(Segment(reference, track, np.array(flight.held), tracked - started, wait))
+        mission.segments.append(Segment(reference, track, np.array(flight.held), tracking, wait, hand_over))
         mission.seconds = tracked - begun
         state = track.states[-1]
         mission.stopped_at = stop.met(track.times, track.seen, track.controls)

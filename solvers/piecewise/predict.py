@@ -14,14 +14,14 @@ from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.integrate import RK45
 
 from solvers.optimizers.ipopt import Ipopt, Iterate, Limits, Outcome
-from solvers.piecewise.flow import Flow, RunawayError
+from solvers.piecewise.flow import RunawayError
 from solvers.piecewise.horizon import Horizon
 from solvers.piecewise.mesh import Mesh
 from solvers.piecewise.plan import Plan
 from solvers.piecewise.reference import Reference
+from solvers.piecewise.rehearsal import Rehearsal
 from solvers.piecewise.setup import Setup
 from solvers.piecewise.simple import SimpleModel
 from solvers.piecewise.track import Tracker
@@ -30,13 +30,12 @@ from solvers.status import SolveStatus
 
 Vector = NDArray[np.float64]
 
-# Of the simulated tracker, which flies a simple model: a finer flight of it says no more about the plant.
-_FLIGHT_TOLERANCE = 1e-6
 CHAPTER_SHARE = 0.5
 """How much of the last error the published scheme adds to its start."""
 # A segment of unknown length takes at least this part of the guess, so that nothing divides by zero.
 _SHORTEST = 1e-3
-_BARRIER = 1e-2
+# Other bounds will matter than in the prediction before: start far enough from all of them.
+_BARRIER = 0.1
 
 
 class Predictor:
@@ -51,9 +50,9 @@ class Predictor:
         self._model: SimpleModel = setup.model
         self._plan: Plan = setup.plan
         self._tracker: Tracker = setup.tracker
-        self._flow = Flow(self._model.whole_rate, _FLIGHT_TOLERANCE, scheme=RK45)
+        self._rehearsal = Rehearsal(self._model)
         self._horizons: dict[Mesh, Horizon] = {}
-        self._optimizers: dict[tuple[Mesh, bool], Ipopt] = {}
+        self._optimizers: dict[Mesh, Ipopt] = {}
         self._solution: tuple[Vector, Vector, Vector] | None = None  # times, states, controls of the last one
         self._ends: list[Vector] = []  # where each segment was expected to end when it began
 
@@ -80,8 +79,9 @@ class Predictor:
         """Where the simulated tracker ends, and by how much it was wrong of what no control moves."""
         outside = list(self._model.exogenous)
         try:
+            self._rehearsal.begin(true_start, reference.times)
             gains = self._tracker.gains(reference)
-            end: Vector = self._tracker.follow(reference, gains, self, true_start).states[-1]
+            end: Vector = self._tracker.follow(reference, gains, self._rehearsal, true_start).states[-1]
         except RunawayError:
             end = reference.end
         start: Vector = end.copy()
@@ -89,14 +89,6 @@ class Predictor:
             start[outside] += true_start[outside] - self._ends[-1][outside]
         self._ends.append(end)
         return start
-
-    def see(self, x: Vector, t: float) -> Vector:
-        """The simple model is what it is."""
-        return x
-
-    def fly(self, x: Vector, t0: float, t1: float, u0: Vector, u1: Vector) -> Vector:
-        """The simple model, flown."""
-        return self._flow.fly(x, t0, t1, u0, u1)
 
     def predict(self, index: int, start: Vector, at: float, limits: Limits) -> Reference:
         """The prediction of segment ``index`` from all states at a time.
@@ -134,20 +126,19 @@ class Predictor:
     def _solve(
         self, index: int, start: Vector, at: float, limits: Limits, mesh: Mesh
     ) -> tuple[Horizon, Wanted, Outcome]:
-        setup, warm = self._setup, self._solution is not None
+        setup = self._setup
         horizon = self._horizons.get(mesh) or Horizon(self._model, mesh, setup.scales, setup.smoothing)
         self._horizons[mesh] = horizon
         wanted = self._wanted(mesh, index, start, at)
         program = horizon.program(wanted)
-        optimizer = self._optimizers.get((mesh, warm)) or Ipopt(
+        optimizer = self._optimizers.get(mesh) or Ipopt(
             program,
             tolerance=setup.tolerance,
             max_iterations=setup.max_iterations,
-            warm=warm,
             barrier=_BARRIER,
             repeated=True,
         )
-        self._optimizers[mesh, warm] = optimizer
+        self._optimizers[mesh] = optimizer
         return horizon, wanted, optimizer.minimise(program, limits, _unheard)
 
     def _wanted(self, mesh: Mesh, index: int, start: Vector, at: float) -> Wanted:

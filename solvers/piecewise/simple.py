@@ -109,20 +109,37 @@ class SimpleModel:
     @cached_property
     def slopes(self) -> ca.Function:
         """(driven states, controls, numbers) -> A (n, n), B (n, m)."""
-        x = ca.SX.sym("x", len(self.driven))
-        u = ca.SX.sym("u", len(self.problem.controls))
-        numbers = ca.SX.sym("numbers", self.numbers)
-        scope = self.scope(ca.vertsplit(x), ca.vertsplit(u), ca.vertsplit(numbers))
-        rate = ca.vertcat(*[ca.SX(value) for value in self.driven_rate(scope)])
+        x, u, numbers = self._driven_symbols
+        rate = self._rate_beside(x, u, numbers)
         slopes = [ca.densify(ca.jacobian(rate, over)) for over in (x, u)]
         return ca.Function("slopes", [x, u, numbers], slopes, {"cse": True})
 
     @cached_property
-    def whole_rate(self) -> ca.Function:
-        """(states, controls, time, nothing held) -> rates of all states."""
-        x, u, t = self._symbols
-        rate = ca.vertcat(*self._rate(x, u, t))
-        return ca.Function("rate", [x, u, t, ca.SX.sym("held", 0)], [rate], {"cse": True})
+    def rate_between(self) -> ca.Function:
+        """(driven states, controls, time, numbers at three instants) -> rates of the driven states.
+
+        Between the instants, one after the other at equal distances, numbers are a parabola.
+        """
+        x, u, numbers = self._driven_symbols
+        t, known = ca.SX.sym("t"), ca.SX.sym("known", self.numbers, 3)
+        first, middle, last = ca.horzsplit(known)
+        part = 2 * (t - first[-1]) / (last[-1] - first[-1]) - 1  # -1, 0 and 1 at the instants
+        between = middle + part / 2 * (last - first) + part**2 / 2 * (first - 2 * middle + last)
+        rate = ca.Function("driven_rate", [x, u, numbers], [self._rate_beside(x, u, numbers)])
+        return ca.Function("rate", [x, u, t, ca.vec(known)], [rate(x, u, between)], {"cse": True})
+
+    @property
+    def _driven_symbols(self) -> tuple[ca.SX, ca.SX, ca.SX]:
+        return (
+            ca.SX.sym("x", len(self.driven)),
+            ca.SX.sym("u", len(self.problem.controls)),
+            ca.SX.sym("numbers", self.numbers),
+        )
+
+    def _rate_beside(self, x: ca.SX, u: ca.SX, numbers: ca.SX) -> ca.SX:
+        """Rates of the driven states beside the numbers of their instant."""
+        scope = self.scope(ca.vertsplit(x), ca.vertsplit(u), ca.vertsplit(numbers))
+        return ca.vertcat(*[ca.SX(value) for value in self.driven_rate(scope)])
 
     def beforehand(self, state: Vector, times: Vector) -> Vector:
         """The numbers of each of K ``times`` from all states at the first one, (numbers, K)."""
@@ -132,8 +149,9 @@ class SimpleModel:
     def _exogenous_flow(self, start: Vector, times: Vector) -> Vector:
         if not self.exogenous:
             return np.zeros((0, times.size))
-        flow = self._exogenous_step.mapaccum(times.size - 1)
-        ends = flow(start, times[None, :-1], np.diff(times)[None, :]).full()
+        steps = self._exogenous_steps.get(times.size) or self._exogenous_step.mapaccum(times.size - 1)
+        self._exogenous_steps[times.size] = steps
+        ends = steps(start, times[None, :-1], np.diff(times)[None, :]).full()
         return np.hstack([start[:, None], ends])
 
     def _signals_at(self, outside: Vector, times: Vector) -> Vector:
@@ -145,6 +163,11 @@ class SimpleModel:
         nothing = np.zeros((len(problem.controls), times.size))
         scope = problem.scope(x, nothing, times, problem.parameters, NUMPY)
         return np.array([np.broadcast_to(scope[name], times.shape) for name in self.signals])
+
+    @cached_property
+    def _exogenous_steps(self) -> dict[int, ca.Function]:
+        """The steps between so many times, which take a while to be put together."""
+        return {}
 
     @cached_property
     def _exogenous_step(self) -> ca.Function:

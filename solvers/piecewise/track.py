@@ -93,6 +93,7 @@ class Tracker:
         driven = list(self.model.driven)
         lower, upper = self.limits[:, 0], self.limits[:, 1]
         times, ahead = reference.times, reference.controls.T
+        corrections = np.stack([gains.nodes, gains.middles, gains.middles], axis=1)
         states, before, after = [start], [], []
         seen = [body.see(start, float(times[0]))]
         for k in range(gains.nodes.shape[0]):
@@ -100,11 +101,7 @@ class Tracker:
             off = seen[-1][driven] - reference.states[driven, 2 * k]
             if not np.isfinite(off).all():
                 raise UnseenError(f"a state is not finite at t = {times[2 * k]:.6g}")
-            first, middle = gains.nodes[k] @ off, gains.middles[k] @ off
-            values = [
-                np.clip(ahead[2 * k + place] + correction, lower, upper)
-                for place, correction in enumerate((first, middle, middle))
-            ]
+            values = (corrections[k] @ off + ahead[2 * k : 2 * k + 3]).clip(lower, upper)
             for place in (0, 1):
                 instant = 2 * k + place
                 states.append(

@@ -72,11 +72,30 @@ def test_segments_follow_each_other(result: dict[str, Any]) -> None:
             assert lengths == {len(segment[half]["t"])} == {13}
         assert segment["prediction"]["status"] == "converged"
         assert segment["tracking_seconds"] > 0
-    assert result["schedules"].keys() == {"parallel", "sequential", "speedup", "median_wait"}
+        assert 0 <= segment["hand_over_seconds"] <= segment["wait_seconds"]
+    assert result["schedules"].keys() == {
+        "parallel",
+        "sequential",
+        "speedup",
+        "median_wait",
+        "median_hand_over",
+    }
     assert sum(segment["tracking_seconds"] for segment in segments) < result["schedules"]["sequential"]
     seconds = result["statistics"]["seconds"]
     assert seconds.keys() == {"build", "solve", "refine", "verify", "total"}
     assert sum(seconds.values()) - seconds["total"] == pytest.approx(seconds["total"], rel=0.05)
+
+
+def test_the_arcs_are_those_of_the_tracked_control(result: dict[str, Any]) -> None:
+    found = result["switching"]["torque"]
+    assert set(found["arcs"]) >= {"lower", "interior"}  # pushed back at first, let go later
+    edges = [result["segments"][0]["t0"], *found["times"], result["segments"][-1]["tf"]]
+    for start, stop, level in zip(edges[:-1], edges[1:], found["levels"], strict=True):
+        for segment in result["segments"]:
+            tracked = segment["tracked"]
+            for t, torque in zip(tracked["t"], tracked["controls"]["torque"], strict=True):
+                if start < t < stop:
+                    assert (abs(torque - level) < 0.05) if level is not None else (abs(torque) < 0.98)
 
 
 def test_the_objective_is_that_of_what_was_flown(result: dict[str, Any]) -> None:

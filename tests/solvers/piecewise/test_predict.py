@@ -9,10 +9,12 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 
 from solvers.optimizers.ipopt import Limits
 from solvers.piecewise.predict import Predictor
 from solvers.piecewise.reference import Reference
+from solvers.piecewise.rehearsal import Rehearsal
 from solvers.piecewise.setup import Setup
 from solvers.sizes import problem_size
 from solvers.solve import solve
@@ -114,6 +116,24 @@ def test_the_next_prediction_starts_from_the_simulated_tracker() -> None:
     # The tracker is back on the reference by then.
     np.testing.assert_allclose(following.states[:2, 0], reference.end[:2], atol=1e-2)
     assert not np.array_equal(following.states[:2, 0], reference.end[:2])
+
+
+def test_the_tracker_is_rehearsed_on_the_whole_simple_model() -> None:
+    setup = setup_of(PENDULUM)
+    reference = Predictor(setup).first(LIMITS)
+    start = reference.states[:, 0] + [0.02, -0.01, 0.1]
+    rehearsal = Rehearsal(setup.model)
+    rehearsal.begin(start, reference.times)
+    track = setup.tracker.follow(reference, setup.tracker.gains(reference), rehearsal, start)
+    state = start
+    for t0, t1, u0, u1 in zip(track.times[:-1], track.times[1:], track.before, track.after, strict=True):
+
+        def rate(t: float, x: Any, t0: float = t0, t1: float = t1, u0: Any = u0, u1: Any = u1) -> list[float]:
+            torque = float(np.interp(t, [t0, t1], [u0[0], u1[0]]))
+            return [x[1], torque - x[0] + 0.1 * math.sin(x[2]), 0.5]
+
+        state = solve_ivp(rate, (t0, t1), state, rtol=1e-10, atol=1e-12).y[:, -1]
+    np.testing.assert_allclose(track.states[-1], state, rtol=0, atol=1e-6)
 
 
 def test_the_chapter_takes_half_of_the_last_error() -> None:
