@@ -59,14 +59,19 @@ def _flown_tables(result: Result) -> Iterator[Table]:
         ]
         yield Table("Plants under this command", ("plant", "verdict", *_MAXIMA.values()), rows)
     if result.get("command"):
-        command = result["command"]
-        errors = command["verification"]["states"].items()
+        command, flown = result["command"], result["command"]["verification"]
         rows_of = f"{len(command['t'])} rows of {figure(command['period'])}, rule {command['rule']}"
+        # A flight of phases tells of the end of each.
+        parts = [((part["name"],), part["states"]) for part in flown.get("phases", [])]
         yield Table(
             f"Command: {rows_of}, flown as it is",
-            ("state", "at the end", "miss"),
-            [(symbol(state), figure(own["final"], 10), figure(own["error"], 3)) for state, own in errors],
-            command["verification"].get("note", ""),
+            (*(["phase"] if parts else []), "state", "at the end", "miss"),
+            [
+                (*label, symbol(state), figure(own["final"], 10), figure(own["error"], 3))
+                for label, states in parts or [((), flown["states"])]
+                for state, own in states.items()
+            ],
+            flown.get("note", ""),
         )
     if result.get("coast"):
         coast = result["coast"]

@@ -22,6 +22,7 @@ from solvers.solve import solve
 from solvers.spec import check_document
 from tests.bad_documents import FLEXIBLE_SPACECRAFT
 from tests.problems import problem
+from tests.solvers.phases.test_phases import BOUNCE
 from tests.solvers.piecewise.documents import PENDULUM
 from worker.records import JobStatus
 
@@ -154,6 +155,14 @@ def test_several_plants_a_command_and_everything_else() -> None:
         "Data tables",
     ):
         assert words in page.text, words
+
+
+def test_a_command_says_what_each_phase_misses() -> None:
+    command = {"command": {"period": 0.3}}
+    page, result = report_of({**BOUNCE, "method": {"name": "gpm", "nodes": 8}, "output": command})
+    for phase in result["command"]["verification"]["phases"]:
+        assert phase["name"] in page.text
+        assert f"{phase['states']['x']['error']:.3g}" in page.text
 
 
 @pytest.mark.parametrize("case", CASES, ids=lambda path: str(path.stem))
