@@ -3,22 +3,37 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
+from typing import Literal
 
 import numpy as np
 
 from solvers.backends import NUMPY
+from solvers.data_table import DataTable, calls
 from solvers.errors import Fault
 from solvers.expressions import Expression, parse
+from solvers.models import Formula
 from solvers.problem import OptimalControlProblem
 from solvers.spec import MechanicalModel, ProblemSpec
+from solvers.time_knots import along
 from solvers.trajectory import Trajectory
+from solvers.violations import dense
+
+Where = Literal["nodes", "tables", "ends"]
+"""Whether any expression has no finite value at a node; one that calls tables, be it between the nodes; or
+that comes near to the end of a table that has no values beyond, where a search does not get on."""
+
+# So near to an end of a table, as a part of its span.
+_NEAR = 0.01
 
 
 def find_evaluation_fault(
-    spec: ProblemSpec, problem: OptimalControlProblem, trajectory: Trajectory
+    spec: ProblemSpec, problem: OptimalControlProblem, trajectory: Trajectory, where: Where = "nodes"
 ) -> Fault | None:
-    """The first expression that is not finite on the nodes of this trajectory, or None."""
-    tau = trajectory.nodes
+    """The first expression that is at fault on this trajectory, or None."""
+    tau = trajectory.nodes if where == "nodes" else dense(trajectory.breakpoints)
+    if where == "ends":
+        problem = replace(problem, definitions=_shortened(problem))
     times = trajectory.time(tau)
     scope = problem.scope(
         trajectory.states_at(tau),
@@ -28,17 +43,43 @@ def find_evaluation_fault(
         NUMPY,
     )
     for pointer, expression in _along_the_trajectory(spec):
+        if where != "nodes" and not expression.called:
+            continue
         with np.errstate(all="ignore"):
             values = np.broadcast_to(expression.evaluate(scope, NUMPY.functions), tau.shape)
         bad = np.flatnonzero(~np.isfinite(values))
         if bad.size:
-            where = ", ".join(
+            names = ", ".join(
                 f"{name} = {float(np.broadcast_to(scope[name], tau.shape)[bad[0]]):.6g}"
                 for name in sorted(expression.names - expression.called - set(problem.parameters))
             )
-            detail = f"'{expression.text}' has no finite value at t = {times[bad[0]]:.6g}"
-            return Fault(pointer, f"{detail} ({where})" if where else detail)
+            what = "has no finite value" if where != "ends" else "comes to the end of what it is made of"
+            detail = f"'{expression.text}' {what} at t = {times[bad[0]]:.6g}"
+            detail += "".join(_end_of(name, spec.tables()[name]) for name in sorted(expression.called))
+            return Fault(pointer, f"{detail} ({names})" if names else detail)
     return None
+
+
+def _shortened(problem: OptimalControlProblem) -> dict[str, Formula]:
+    """The definitions with shorter tables in place of those without values outside.
+
+    Not of those over time: a flight may well end with them.
+    """
+    over_time = {name for item in along(problem) for name, in_time in calls(item) if in_time}
+    found = dict(problem.definitions)
+    for name, item in found.items():
+        if isinstance(item, DataTable) and item.outside == "error" and name not in over_time:
+            x = np.array(item.x)
+            middle = (x[0] + x[-1]) / 2.0
+            found[name] = replace(item, x=tuple(middle + (1.0 - 2.0 * _NEAR) * (x - middle)))
+    return found
+
+
+def _end_of(name: str, table: DataTable) -> str:
+    """What a table covers that has no values outside."""
+    if table.outside != "error":
+        return ""
+    return f"; the table '{name}' goes from {table.x[0]:g} to {table.x[-1]:g}"
 
 
 def _along_the_trajectory(spec: ProblemSpec) -> Iterator[tuple[str, Expression]]:

@@ -6,7 +6,7 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 
 from solvers.errors import Fault
-from solvers.evaluation_fault import find_evaluation_fault
+from solvers.evaluation_fault import Where, find_evaluation_fault
 from solvers.problem import OptimalControlProblem
 from solvers.progress import ProgressReport
 from solvers.session import Account, Session
@@ -19,6 +19,13 @@ from solvers.verify import verify
 
 _SECONDS = {SolveStatus.CONVERGED: 60.0, SolveStatus.CANCELLED: 0.5}
 _SECONDS_UNCONVERGED = 2.0
+# What may have ended so for an expression without a finite value, and where to look for it.
+_FAULTY: Mapping[SolveStatus, Where] = {
+    SolveStatus.EVALUATION_ERROR: "nodes",
+    SolveStatus.DIVERGED: "nodes",
+    SolveStatus.ITERATION_LIMIT: "tables",
+    SolveStatus.TIME_LIMIT: "tables",
+}
 
 
 def verified(
@@ -66,25 +73,36 @@ def judge(
     """
     flights = [("", verification), *((f"{other.plant.name}: ", other.verification) for other in others)]
     return judged(
-        status, flights, lambda: find_evaluation_fault(spec.problem, problem, trajectory), sentences
+        status,
+        flights,
+        lambda where: find_evaluation_fault(spec.problem, problem, trajectory, where),
+        sentences,
     )
 
 
 def judged(
     status: SolveStatus,
     flights: Sequence[tuple[str, Verification]],
-    find_fault: Callable[[], Fault | None],
+    find_fault: Callable[[Where], Fault | None],
     sentences: Mapping[SolveStatus, str] | None = None,
 ) -> tuple[SolveStatus, str]:
-    """See :func:`judge`; ``flights`` with what stands before them in a message."""
-    if status in (SolveStatus.EVALUATION_ERROR, SolveStatus.DIVERGED):
-        fault = find_fault()
+    """See :func:`judge`; ``flights`` with what stands before them in a message.
+
+    ``find_fault``: see :func:`find_evaluation_fault`.
+    """
+    near = None
+    if status in _FAULTY:
+        where = _FAULTY[status]
+        fault = find_fault(where)
         if fault is not None:
             status = SolveStatus.EVALUATION_ERROR
             return status, f"{status.sentence} {fault.pointer}: {fault.detail}"
+        near = find_fault("ends") if where == "tables" else None
     if status is SolveStatus.CONVERGED and not all(flight.passed for _, flight in flights):
         status = SolveStatus.UNVERIFIED
     details = [(sentences or {}).get(status, status.sentence)]
+    if near is not None:
+        details.append(f"{near.pointer}: {near.detail}.")
     for label, flight in flights:
         if status is SolveStatus.UNVERIFIED:
             failed = [check for check in flight.checks if not check.passed]

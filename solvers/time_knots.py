@@ -159,11 +159,11 @@ def _table(problem: OptimalControlProblem, name: str) -> DataTable:
 
 def _called(problem: OptimalControlProblem, *, in_time: bool) -> Iterator[str]:
     """Yield the tables that some expression calls with t itself, or with anything else."""
-    for expression in _expressions(problem):
+    for expression in along(problem):
         yield from (name for name, with_time in calls(expression) if with_time is in_time)
 
 
-def _expressions(problem: OptimalControlProblem) -> Iterator[Expression]:
+def along(problem: OptimalControlProblem) -> Iterator[Expression]:
     """Yield what is evaluated along the trajectory."""
     yield from problem.dynamics.expressions
     yield from (item for item in problem.definitions.values() if isinstance(item, Expression))

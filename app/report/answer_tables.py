@@ -62,7 +62,9 @@ def _flown_tables(result: Result) -> Iterator[Table]:
         command, flown = result["command"], result["command"]["verification"]
         rows_of = f"{len(command['t'])} rows of {figure(command['period'])}, rule {command['rule']}"
         # A flight of phases tells of the end of each.
-        parts = [((part["name"],), part["states"]) for part in flown.get("phases", [])]
+        parts: list[tuple[tuple[str, ...], Any]] = [
+            ((part["name"],), part["states"]) for part in flown.get("phases", [])
+        ]
         yield Table(
             f"Command: {rows_of}, flown as it is",
             (*(["phase"] if parts else []), "state", "at the end", "miss"),

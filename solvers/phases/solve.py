@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from solvers.diagnosis import diagnose, sentence
 from solvers.errors import Fault
-from solvers.evaluation_fault import find_evaluation_fault
+from solvers.evaluation_fault import Where, find_evaluation_fault
 from solvers.improve import Improved, answers_of, first_methods, first_span, improve, resume
 from solvers.judgement import flown_in_time, judged
 from solvers.meshes import meshes_of
@@ -73,7 +73,9 @@ def solve_phases(
     )
     verification = _certified(improved, verification)
     status, message = judged(
-        solved.outcome.status, [("", verification)], lambda: _evaluation_fault(problem, answer)
+        solved.outcome.status,
+        [("", verification)],
+        lambda where: _evaluation_fault(problem, answer, where),
     )
     integrals = [
         phase.plant.integrals(
@@ -150,9 +152,9 @@ def _certified(improved: Improved[PhasedSolved], verification: Verification) -> 
     return improved.certified(whole)
 
 
-def _evaluation_fault(problem: PhasedProblem, answer: PhasedTrajectory) -> Fault | None:
+def _evaluation_fault(problem: PhasedProblem, answer: PhasedTrajectory, where: Where) -> Fault | None:
     for phase, part in zip(problem.phases, answer.parts, strict=True):
-        fault = find_evaluation_fault(phase.spec, phase.plant.problem, part)
+        fault = find_evaluation_fault(phase.spec, phase.plant.problem, part, where)
         if fault is not None:
             return replace(fault, pointer=phase.located(fault.pointer))
     return None

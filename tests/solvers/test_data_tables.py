@@ -260,6 +260,34 @@ def test_leaving_a_table_that_ends_is_an_error_of_the_expression() -> None:
     assert "'Td(t)'" in solution.message
 
 
+@pytest.mark.parametrize("iterations", [40, 80])
+def test_a_search_that_comes_to_the_end_of_a_table_says_so(iterations: int) -> None:
+    """As fast as possible, which is faster than the table of the drag says anything of."""
+    document = {
+        "problem": {
+            "model": {
+                "kind": "first_order",
+                "states": ["x", "v"],
+                "controls": ["u"],
+                "dynamics": {"x": "v", "v": "u - drag(v)"},
+            },
+            "data": {"drag": {"x": [-1, 0, 1, 2], "values": [-0.1, 0, 0.1, 0.3], "outside": "error"}},
+            "final_time": [1, 30],
+            "initial_state": {"*": 0},
+            "final_state": {"x": 10, "v": 0},
+            "bounds": {"u": [-1, 1]},
+            "objective": {"terminal": "tf"},
+        },
+        "method": {"name": "hermite_simpson", "intervals": 16},
+        "options": {"max_iterations": iterations},
+    }
+    solution = answer(document)
+    # Whether the last iterate is beyond it or only near to it, where the search did not get on.
+    assert solution.status.value in ("evaluation_error", "iteration_limit")
+    assert "/problem/model/dynamics/v" in solution.message
+    assert "the table 'drag' goes from -1 to 2" in solution.message
+
+
 @each_method
 def test_a_flight_ends_where_its_table_does(method: dict[str, Any]) -> None:
     """12/T^3 + T/100 falls until T = 7.75, but the table says nothing after 3; as a definition, too."""
