@@ -13,8 +13,12 @@ from solvers.phases.trajectory import AnyTrajectory
 from solvers.spec import CommandSpec, JobSpec, ProblemSpec
 
 
-class TooManyRowsError(ValueError):
-    """The table of a command would have more rows than allowed; says how many."""
+class NoTableError(ValueError):
+    """There is no table of a command: why."""
+
+
+class TooManyRowsError(NoTableError):
+    """It would have more rows than allowed; says how many."""
 
 
 def asked_for(spec: JobSpec, answers: Sequence[AnyTrajectory]) -> tuple[dict[str, Any], list[dict[str, str]]]:
@@ -26,9 +30,9 @@ def asked_for(spec: JobSpec, answers: Sequence[AnyTrajectory]) -> tuple[dict[str
     if output.command is not None:
         try:
             found["command"] = commanded(spec.problem, output.command, answers, output.coast)
-        except TooManyRowsError as error:
+        except NoTableError as error:
             found["command"] = None
-            pointer = "/output/command/period"
+            pointer = "/output/command" + ("/period" if isinstance(error, TooManyRowsError) else "")
             warnings.append({"code": "no_command", "pointer": pointer, "detail": str(error)})
     if output.coast is not None:
         found["coast"] = coasted(spec.problem, answers[0], output.coast)
@@ -42,8 +46,10 @@ def commanded(
 
     ``answers``: the trajectory of each plant, the leading one first, whose flight is the ``verification``;
     those of several plants stand under ``scenarios``. A stored result has that of the leading one alone.
-    Raises TooManyRowsError.
+    Raises NoTableError, also where an iterate is no flight, for a phase of it does not end after its begin.
     """
+    if not all(part.duration > 0.0 for answer in answers for part in answer.parts):
+        raise NoTableError("a phase of the last iterate does not end after its begin")
     count = rows(command, answers[0].tf - answers[0].t0)
     if count > MAX_ROWS:
         raise TooManyRowsError(f"a table of {count:,} rows is asked for, at most {MAX_ROWS:,} are made")

@@ -40,6 +40,8 @@ def covered_times(expressions: Iterable[Expression], definitions: Mapping[str, A
 
     By these expressions, or by definitions that they need, each of which may need earlier ones.
     """
+    if not any(isinstance(item, DataTable) and item.outside == "error" for item in definitions.values()):
+        return -np.inf, np.inf
     needed = list(expressions)
     names = frozenset().union(*(item.names for item in needed))
     for name, item in reversed([*definitions.items()]):

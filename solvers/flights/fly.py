@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 from solvers.elastic import Wish, wishes_of, wishes_over_all
 from solvers.errors import OndeletteError
+from solvers.flight import FlightError
 from solvers.flights.chain import Plan, fly_plan
 from solvers.flights.commands import commands_of
 from solvers.flights.draws import Draws
@@ -57,7 +58,8 @@ def fly(
 ) -> list[Flown]:
     """Fly the answer to a job; every block has the undisturbed flight as its first.
 
-    ``deadline`` is of ``time.monotonic()``. Raises FlightsStopped, and whatever the progress raises.
+    ``deadline`` is of ``time.monotonic()``. Raises FlightsStopped, FlightError where an iterate is no flight,
+    and whatever the progress raises.
     """
     plan = _plan(spec, job, answer)
     begin, end = plan.commands.start, plan.commands.end + (spec.coast or 0.0)
@@ -74,6 +76,8 @@ def fly(
 def _plan(spec: FlightsSpec, job: JobSpec, answer: AnyTrajectory) -> Plan:
     """What is flown of an answer."""
     (route,) = routes(without_rates(job.problem), [answer])
+    if not all(leg.answer.duration > 0.0 for leg in route.legs):
+        raise FlightError("a phase of the answer does not end after its begin")
     delays = {name: item.delay for name, item in spec.actuator.items()}
     rates = rates_of(job)
     return Plan(

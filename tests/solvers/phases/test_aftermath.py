@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from itertools import pairwise
 from typing import Any
 
@@ -12,6 +13,11 @@ import pytest
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
+from solvers.aftermath import asked_for
+from solvers.phases.solution import PhasedSolution
+from solvers.phases.trajectory import PhasedTrajectory
+from solvers.solve import solve
+from solvers.spec import check_document
 from tests.solvers.conftest import INTEGRATOR
 from tests.solvers.phases.test_phases import BOUNCE, GPM, ROCKET, SLIDE_AND_ROLL
 from tests.solvers.test_outputs import result_of
@@ -132,6 +138,19 @@ def test_a_control_that_a_phase_does_not_have_is_zero_there() -> None:
     assert table["controls"]["F"] == pytest.approx([0, 0, 0, *means], abs=1e-7)
     assert set(table["verification"]["states"]) == {"x", "y", "y_dot"}
     assert set(result["coast"]["states"]) == {"y", "y_dot"}
+
+
+def test_an_iterate_whose_phases_do_not_follow_each_other_has_no_table() -> None:
+    spec = check_document({**BOUNCE, "method": GPM, "output": {"command": {"period": 0.1}, "coast": 1}})
+    solution = solve(spec)
+    assert isinstance(solution, PhasedSolution)
+    first, last = solution.trajectory.parts
+    for time in (2.0, 2.5, np.nan):
+        crossed = PhasedTrajectory((replace(first, tf=time), replace(last, t0=time)))
+        found, warnings = asked_for(spec, [crossed])
+        assert found["command"] is None
+        assert [item["pointer"] for item in warnings] == ["/output/command"]
+        assert "note" in found["coast"]
 
 
 def test_a_row_between_bounds_that_have_nothing_in_common() -> None:
