@@ -1,72 +1,20 @@
-"""One command for several plants: the problem of all of them together, and each plant's part of an answer.
-
-Every case has states, parameters, ends and bounds of its own, under names with ``@<case>`` behind them, which
-no document can use. Controls, their rates, times and design parameters are common. What does not depend on
-the case (a path constraint on a control, say) is there once. So the whole is a problem like any other, and
-its size is linear in the number of cases.
-"""
+"""What is solved for a document: one command for several plants where it has scenarios, else its problem."""
 
 from __future__ import annotations
 
-import math
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
-from typing import Any
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
-import numpy as np
-
-from solvers.data_table import DataTable
-from solvers.dynamics import Body, Dynamics
-from solvers.expressions import Expression, combined, named, parse, product, renamed, total
+from solvers.expressions import named
 from solvers.implied_ends import relaxed_ends
-from solvers.lifting import bounded_only, corners, lifted, with_peak
-from solvers.models import Formula
+from solvers.lifting import corners, lifted, with_peak
+from solvers.plant_objectives import LEVEL, averaged, below_level, same_objective, with_level
+from solvers.plants import Plant, PlantPart, together
 from solvers.problem import OptimalControlProblem
-from solvers.quantities import FREE, Constraint, DesignParameter, Integral, NamedQuantity
 from solvers.spec import ProblemSpec, ScenarioSpec
 from solvers.time_knots import corner_warnings
-from solvers.trajectory import Trajectory
 
 NOMINAL = "nominal"
-LEVEL = "level@"
-"""The unknown that is at least as large as the objective of every case."""
-
-
-@dataclass(frozen=True)
-class Plant:
-    """One of the plants: its ``problem`` as if it were alone, and where its states are in an answer.
-
-    ``names``: what is called otherwise in the problem of all plants -> its name there.
-    """
-
-    name: str
-    problem: OptimalControlProblem
-    names: Mapping[str, str] = field(default_factory=dict)
-
-    def trajectory(self, answer: Trajectory) -> Trajectory:
-        """The part of an answer that is this plant's, under the plant's own names."""
-        return replace(
-            answer,
-            states={name: answer.states[self.names.get(name, name)] for name in self.problem.states},
-            controls={name: answer.controls[name] for name in self.problem.controls},
-            design={item.name: answer.design[item.name] for item in self.problem.design},
-        )
-
-    def rows(self, answer: Trajectory) -> list[int]:
-        """Where the states of this plant are among those of the answer."""
-        every = list(answer.states)
-        return [every.index(self.names.get(name, name)) for name in self.problem.states]
-
-    def integrals(
-        self, solved: OptimalControlProblem, values: Mapping[str, float], flown: Mapping[str, float]
-    ) -> dict[str, float]:
-        """This plant's integrals: from ``values`` of the problem ``solved``, else as ``flown`` (NaN: not)."""
-        loose = bounded_only(solved)
-        names = {item.name: self.names.get(item.name, item.name) for item in self.problem.integrals}
-        return {
-            name: flown.get(name, math.nan) if inner in loose else values[inner]
-            for name, inner in names.items()
-        }
 
 
 @dataclass(frozen=True)
@@ -114,19 +62,34 @@ def formulate(spec: ProblemSpec, tolerance: float = 0.0) -> Formulation:
         problem = OptimalControlProblem.from_spec(spec)
         whole = with_peak(problem)
         return Formulation(lifted(whole), whole, (Plant("", problem),))
-    cases = [(case.name, _case_of(spec, case)) for case in spec.scenarios.cases]
-    if spec.scenarios.nominal:
-        cases.insert(0, (NOMINAL, spec))
-    problems = {name: OptimalControlProblem.from_spec(case) for name, case in cases}
-    own = {item.name: set(item.parameters) for item in spec.scenarios.cases}
     parts = [
-        _Part.of(name, problem, {*own.get(name, ()), *spec.model.depending_on(own.get(name, ()))})
-        for name, problem in problems.items()
+        PlantPart.of(case.name, OptimalControlProblem.from_spec(case.spec), case.parameters)
+        for case in cases_of(spec)
     ]
-    plants = tuple(Plant(part.name, part.alone, part.names) for part in parts)
-    whole = _together(parts, spec.scenarios.choice)
+    whole = _chosen(together(parts), parts, spec.scenarios.choice)
     problem, implied = relaxed_ends(whole, [part.problem.states for part in parts], tolerance)
-    return Formulation(lifted(problem), problem, plants, tuple(implied))
+    return Formulation(lifted(problem), problem, tuple(part.plant for part in parts), tuple(implied))
+
+
+@dataclass(frozen=True)
+class Case:
+    """A case as a problem of its own, and the names of the parameters that it gives values to."""
+
+    name: str
+    spec: ProblemSpec
+    parameters: frozenset[str]
+
+
+def cases_of(spec: ProblemSpec) -> list[Case]:
+    """The cases of a document with scenarios, the leading one first."""
+    assert spec.scenarios is not None
+    cases = [Case(NOMINAL, spec.changed(scenarios=None), frozenset())] if spec.scenarios.nominal else []
+    return cases + [Case(case.name, _case_of(spec, case), _own(spec, case)) for case in spec.scenarios.cases]
+
+
+def _own(spec: ProblemSpec, case: ScenarioSpec) -> frozenset[str]:
+    """The parameters of a case, and those of the model that follow from them."""
+    return frozenset({*case.parameters, *spec.model.depending_on(case.parameters)})
 
 
 def _case_of(spec: ProblemSpec, case: ScenarioSpec) -> ProblemSpec:
@@ -141,227 +104,16 @@ def _case_of(spec: ProblemSpec, case: ScenarioSpec) -> ProblemSpec:
     )
 
 
-@dataclass(frozen=True)
-class _RenamedFormula:
-    """A formula whose names are called otherwise."""
-
-    formula: Formula
-    renaming: Mapping[str, str]
-
-    @property
-    def text(self) -> str:
-        return f"{self.formula.text} {sorted(self.renaming.items())}"
-
-    @property
-    def names(self) -> frozenset[str]:
-        return frozenset(self.renaming.get(name, name) for name in self.formula.names)
-
-    def evaluate(self, values: Mapping[str, Any], functions: Any) -> Any:
-        own = {name: values[self.renaming.get(name, name)] for name in self.formula.names}
-        return self.formula.evaluate(own, functions)
-
-
-@dataclass(frozen=True)
-class _Part:
-    """A case with the names that it has in the problem of all; ``problem`` already speaks in these."""
-
-    name: str
-    alone: OptimalControlProblem
-    problem: OptimalControlProblem
-    names: dict[str, str] = field(default_factory=dict)
-
-    @classmethod
-    def of(cls, name: str, alone: OptimalControlProblem, parameters: set[str]) -> _Part:
-        """Rename the states, the parameters of this case, and all that depends on them."""
-        mine = [state for state in alone.states if state not in alone.rated]
-        mine += [acceleration for body in alone.dynamics.bodies for acceleration in body.accelerations]
-        mine += [parameter for parameter in alone.parameters if parameter in parameters]
-        names = {item: f"{item}@{name}" for item in mine}
-        definitions = {}
-        for key, formula in alone.definitions.items():
-            if formula.names & names.keys():
-                names[key] = f"{key}@{name}"
-            definitions[names.get(key, key)] = _formula(formula, names)
-        along: list[NamedQuantity | Integral] = [*alone.outputs, *alone.integrals]
-        names |= {item.name: f"{item.name}@{name}" for item in along if item.expression.names & names.keys()}
-        ends = {
-            f"{item}{end}": f"{names[item]}{end}"
-            for item in [*alone.states, *(output.name for output in alone.outputs)]
-            if item in names
-            for end in ("_0", "_f")
-        }
-        return cls(name, alone, _renamed_problem(name, alone, names, {**names, **ends}, definitions), names)
-
-
-def _renamed_problem(
-    case: str,
-    alone: OptimalControlProblem,
-    names: Mapping[str, str],
-    at_ends: Mapping[str, str],
-    definitions: Mapping[str, Formula],
-) -> OptimalControlProblem:
-    def quantity(item: NamedQuantity | Integral) -> Any:
-        expression = renamed(item.expression, names)
-        return replace(item, name=names.get(item.name, item.name), expression=expression)
-
-    def held(items: Sequence[Constraint], how: Mapping[str, str]) -> tuple[Constraint, ...]:
-        found = []
-        for item in items:
-            expression = renamed(item.expression, how)
-            own = "" if expression is item.expression else f"@{case}"
-            found.append(replace(item, pointer=item.pointer + own, expression=expression))
-        return tuple(found)
-
-    terminal, running = alone.terminal_cost, alone.running_cost
-    return replace(
-        alone,
-        states=tuple(names.get(name, name) for name in alone.states),
-        parameters={names.get(name, name): value for name, value in alone.parameters.items()},
-        dynamics=Dynamics(
-            tuple(_renamed_body(body, names) for body in alone.dynamics.bodies),
-            {
-                names.get(name, name): renamed(rate, names)
-                for name, rate in alone.dynamics.first_order.items()
-            },
-        ),
-        definitions=definitions,
-        path=held(alone.path, names),
-        boundary=held(alone.boundary, at_ends),
-        terminal_cost=None if terminal is None else renamed(terminal, at_ends),
-        running_cost=None if running is None else renamed(running, names),
-        peak_cost=None if alone.peak_cost is None else renamed(alone.peak_cost, names),
-        outputs=tuple(map(quantity, alone.outputs)),
-        integrals=tuple(map(quantity, alone.integrals)),
-    )
-
-
-def _formula(formula: Formula, names: Mapping[str, str]) -> Formula:
-    if isinstance(formula, DataTable):
-        return formula  # its numbers are those of the case already
-    if isinstance(formula, Expression):
-        return renamed(formula, names)
-    return _RenamedFormula(formula, dict(names)) if formula.names & names.keys() else formula
-
-
-def _renamed_body(body: Body, names: Mapping[str, str]) -> Body:
-    def words(given: Sequence[str]) -> tuple[str, ...]:
-        return tuple(names.get(name, name) for name in given)
-
-    def matrix(rows: Any) -> Any:
-        return None if rows is None else tuple(tuple(renamed(item, names) for item in row) for row in rows)
-
-    return Body(
-        words(body.coordinates),
-        words(body.velocities),
-        words(body.accelerations),
-        body.controls,
-        matrix(body.mass),
-        matrix(body.input),
-        matrix(body.damping),
-        matrix(body.stiffness),
-        None if body.force is None else tuple(renamed(item, names) for item in body.force),
-    )
-
-
-def _together(parts: Sequence[_Part], choice: str) -> OptimalControlProblem:
-    """The problem of all cases, whose objective is chosen as ``nominal``, ``mean`` or ``worst``."""
-    parts = [replace(part, problem=with_peak(part.problem, part.name)) for part in parts]
-    problems = [part.problem for part in parts]
-    first = problems[0]
-    dynamics = Dynamics(
-        tuple(body for problem in problems for body in problem.dynamics.bodies),
-        # Rated controls, which are common, come last.
-        {
-            **{name: rate for problem in problems for name, rate in _own_rates(problem)},
-            **{name: first.dynamics.first_order[name] for name in first.rated},
-        },
-    )
-    states = dynamics.states
-
-    def for_states(key: str) -> tuple[Any, ...]:
-        table = {
-            name: item
-            for problem in reversed(problems)
-            for name, item in zip(problem.states, getattr(problem, key), strict=True)
-        }
-        return tuple(table[name] for name in states)
-
-    starts = {
-        name: piece
-        for problem in reversed(problems)
-        for name, piece in zip(problem.states, problem.guess.states, strict=True)
-    }
-    whole = replace(
-        first,
-        states=states,
-        parameters={name: value for problem in problems for name, value in problem.parameters.items()},
-        dynamics=dynamics,
-        definitions={name: item for problem in problems for name, item in problem.definitions.items()},
-        initial_state=for_states("initial_state"),
-        final_state=for_states("final_state"),
-        state_bounds=for_states("state_bounds"),
-        path=tuple(_distinct(item for problem in problems for item in problem.path)),
-        boundary=tuple(_distinct(item for problem in problems for item in problem.boundary)),
-        outputs=tuple({item.name: item for problem in problems for item in problem.outputs}.values()),
-        integrals=tuple({item.name: item for problem in problems for item in problem.integrals}.values()),
-        design=tuple({item.name: item for problem in problems for item in problem.design}.values()),
-        guess=replace(first.guess, states=tuple(starts[name] for name in states)),
-    )
-    return _with_objective(whole, parts, choice)
-
-
-def _own_rates(problem: OptimalControlProblem) -> Iterator[tuple[str, Expression]]:
-    for name, rate in problem.dynamics.first_order.items():
-        if name not in problem.rated:
-            yield name, rate
-
-
-def _distinct(constraints: Iterator[Constraint]) -> Iterator[Constraint]:
-    """The constraints without those that say the same again, as what depends on no case does."""
-    seen = set()
-    for item in constraints:
-        key = item.expression.text, item.interval, item.during
-        if key not in seen:
-            seen.add(key)
-            yield item
-
-
-def _with_objective(
-    whole: OptimalControlProblem, parts: Sequence[_Part], choice: str
-) -> OptimalControlProblem:
-    terminal = [part.problem.terminal_cost for part in parts]
-    running = [part.problem.running_cost for part in parts]
-    same = all(len({item and item.text for item in costs}) == 1 for costs in (terminal, running))
-    if choice == NOMINAL or same:
+def _chosen(whole: OptimalControlProblem, parts: Sequence[PlantPart], choice: str) -> OptimalControlProblem:
+    """The problem with the objective that is chosen: ``nominal``, ``mean`` or ``worst``."""
+    if choice == NOMINAL or same_objective(parts):
         return whole
     if choice == "mean":
-        share = parse(1.0 / len(parts))
-
-        def mean(costs: Sequence[Expression | None]) -> Expression | None:
-            found = [item for item in costs if item is not None]
-            return product(share, total(found)) if found else None
-
-        return replace(whole, terminal_cost=mean(terminal), running_cost=mean(running))
-    integrals, limits = list(whole.integrals), []
-    for part, end, along in zip(parts, terminal, running, strict=True):
-        terms = [] if end is None else [end]
-        if along is not None:
-            name = f"cost@{part.name}"
-            integrals.append(Integral(name, "/problem/objective/running", along))
-            terms.append(named(name))
-        limits.append(
-            Constraint(
-                f"objective@{part.name}",
-                "/problem/objective",
-                combined("-", total(terms), named(LEVEL)),
-                (-np.inf, 0.0),
-            )
-        )
-    return replace(
-        whole,
-        terminal_cost=named(LEVEL),
-        running_cost=None,
-        integrals=tuple(integrals),
-        boundary=(*whole.boundary, *limits),
-        design=(*whole.design, DesignParameter(LEVEL, FREE, 0.0)),
-    )
+        return averaged(whole, parts)
+    whole = with_level(whole, parts)
+    limits = [
+        below_level(part.name, own.terminal_cost, integrated=own.running_cost is not None)
+        for part in parts
+        for own in [part.problem]
+    ]
+    return replace(whole, terminal_cost=named(LEVEL), boundary=(*whole.boundary, *limits))

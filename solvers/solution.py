@@ -17,10 +17,10 @@ from numpy.typing import NDArray
 from solvers.aftermath import asked_for
 from solvers.coefficients import encode
 from solvers.phases.trajectory import AnyTrajectory
+from solvers.plants import Plant
 from solvers.problem import OptimalControlProblem
 from solvers.report import constraint_margins
 from solvers.sampling import output_extremes, sample
-from solvers.scenarios import Plant
 from solvers.spec import JobSpec
 from solvers.status import SolveStatus
 from solvers.trajectory import Trajectory

@@ -24,9 +24,10 @@ from solvers.improve import Improved, first_methods, improve
 from solvers.judgement import judge, verified
 from solvers.meshes import meshes_of
 from solvers.model_report import model_report
+from solvers.plants import Plant
 from solvers.refine.residual import mesh_error_estimate
 from solvers.report import constraint_margins
-from solvers.scenarios import Formulation, Plant
+from solvers.scenarios import Formulation
 from solvers.session import Session, Solved, statistics_of
 from solvers.solution import PlantAnswer, Solution, Statistics
 from solvers.spec import AutoMethod, GeneticMethod, JobSpec, ProblemSpec

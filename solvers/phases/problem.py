@@ -24,10 +24,11 @@ from solvers.expressions import Expression, named, parse, total
 from solvers.lifting import corners, lifted, with_peak
 from solvers.phases.guess import chained_guesses, histories, phase_times
 from solvers.phases.trajectory import PhasedTrajectory
+from solvers.plants import Plant
 from solvers.problem import End, OptimalControlProblem, Parameters, Values, at_the_ends, names_of
 from solvers.quantities import FREE, Constraint, Integral, Interval
 from solvers.reading import constraints, integrals
-from solvers.scenarios import Plant
+from solvers.scenarios import cases_of
 from solvers.spec import (
     Guess,
     Objective,
@@ -215,7 +216,12 @@ def begin_after(
 
 
 def phased_problem(spec: ProblemSpec) -> PhasedProblem:
-    """The phases of a checked document."""
+    """The flight of a checked document, under one command for several plants that of the leading one."""
+    return flight_of(spec if spec.scenarios is None else cases_of(spec)[0].spec)
+
+
+def flight_of(spec: ProblemSpec) -> PhasedProblem:
+    """The flight of a checked document without scenarios."""
     outer = fields_of(spec)
     views = phase_views(outer)
     fields = list(phase_fields(views, _interval))

@@ -1,0 +1,66 @@
+"""The objective of several plants under one command: that of the first, the mean, or the worst of all."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from solvers.expressions import Expression, combined, named, parse, product, total
+from solvers.plants import PlantPart
+from solvers.problem import OptimalControlProblem
+from solvers.quantities import FREE, Constraint, DesignParameter, Integral
+
+LEVEL = "level@"
+"""The unknown that is at least as large as the objective of every plant."""
+
+
+def same_objective(parts: Sequence[PlantPart]) -> bool:
+    """Whether the costs of all plants are one and the same expression."""
+    problems = [part.problem for part in parts]
+    costs = [own.terminal_cost for own in problems], [own.running_cost for own in problems]
+    return all(len({item and item.text for item in own}) == 1 for own in costs)
+
+
+def averaged(whole: OptimalControlProblem, parts: Sequence[PlantPart]) -> OptimalControlProblem:
+    """The problem of all plants with the mean of their objectives."""
+    return replace(
+        whole,
+        terminal_cost=mean([part.problem.terminal_cost for part in parts]),
+        running_cost=mean([part.problem.running_cost for part in parts]),
+    )
+
+
+def mean(costs: Sequence[Expression | None]) -> Expression | None:
+    """The mean of costs, where None costs nothing; None where nothing does."""
+    found = [item for item in costs if item is not None]
+    return product(parse(1.0 / len(costs)), total(found)) if found else None
+
+
+def with_level(whole: OptimalControlProblem, parts: Sequence[PlantPart]) -> OptimalControlProblem:
+    """The problem of all plants with integrals for their running costs, and the level above objectives."""
+    integrals = [
+        Integral(_cost(part.name), "/problem/objective/running", part.problem.running_cost)
+        for part in parts
+        if part.problem.running_cost is not None
+    ]
+    return replace(
+        whole,
+        running_cost=None,
+        integrals=(*whole.integrals, *integrals),
+        design=(*whole.design, DesignParameter(LEVEL, FREE, 0.0)),
+    )
+
+
+def below_level(name: str, terminal: Expression | None, *, integrated: bool) -> Constraint:
+    """The objective of a plant, with its integrated running cost if it has one, kept below the level."""
+    terms = [] if terminal is None else [terminal]
+    if integrated:
+        terms.append(named(_cost(name)))
+    value = combined("-", total(terms), named(LEVEL))
+    return Constraint(f"objective@{name}", "/problem/objective", value, (-np.inf, 0.0))
+
+
+def _cost(name: str) -> str:
+    return f"cost@{name}"
