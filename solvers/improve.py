@@ -124,14 +124,16 @@ def answers_of(
     a phase. Raises whatever the progress of the session raises.
     """
     methods, limit = first_methods(spec.method), session.max_iterations
+    tried = list[tuple[Method, list[Ended]]]()
     for method in methods:
         session.max_iterations = limit if method is methods[-1] else min(limit, _FIRST_ITERATIONS)
         answers = first_answers(session, meshes_of(method), spec.options.starts, earlier, span)
+        tried.append((method, answers))
         best = answers[0]
         if best.stopped or not (best.outcome.status in _NO_END or best.collapsed):
             break
     session.max_iterations = limit
-    return method, answers
+    return next((item for item in tried[:-1] if item[1][0].converged and answers[0].collapsed), tried[-1])
 
 
 def resume(session: Solving[Ended], method: Method, earlier: AnyTrajectory | None) -> Improved[Ended] | None:

@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 
 from solvers.elastic import place_in_document
 from solvers.flight import whole_flight
-from solvers.phases.problem import Link, Phase, PhasedProblem, begin_after, phased_problem
+from solvers.phases.problem import Link, Phase, PhasedProblem, begin_after
+from solvers.phases.scenarios import formulate_phases
 from solvers.phases.trajectory import AnyTrajectory
 from solvers.problem import OptimalControlProblem
 from solvers.scenarios import formulate
@@ -52,10 +53,10 @@ class Route:
 def routes(spec: ProblemSpec, answers: Sequence[AnyTrajectory]) -> Iterator[Route]:
     """The legs of each plant that has an answer, the leading one first."""
     if spec.phases:
-        problem = phased_problem(spec)
-        for answer in answers:
+        for flight, answer in zip(formulate_phases(spec).plants, answers, strict=False):
+            problem = flight.problem
             triples = zip(problem.phases, (Link({}), *problem.links), answer.parts, strict=True)
-            yield Route("", tuple(_of_phase(*triple) for triple in triples), problem)
+            yield Route(flight.name, tuple(_of_phase(*triple) for triple in triples), problem)
         return
     for plant, answer in zip(formulate(spec).plants, answers, strict=False):
         place = partial(place_in_document, spec)

@@ -43,14 +43,18 @@ class Formulation:
             }
             for pointer, text in corners(solved)
         ]
-        found += corner_warnings(solved)
-        if not self.implied:
-            return found
-        detail = (
-            f"The ends of {', '.join(self.implied)} follow from the other ends to first order; they are held"
-            " within a tenth of what the verification allows."
-        )
-        return [*found, {"code": "implied_ends", "pointer": "/problem/scenarios", "detail": detail}]
+        return [*found, *corner_warnings(solved), *implied_warnings(self.implied)]
+
+
+def implied_warnings(states: Sequence[str]) -> list[dict[str, str]]:
+    """What is said of states whose ends follow from the others."""
+    if not states:
+        return []
+    detail = (
+        f"The ends of {', '.join(states)} follow from the other ends to first order; they are held"
+        " within a tenth of what the verification allows."
+    )
+    return [{"code": "implied_ends", "pointer": "/problem/scenarios", "detail": detail}]
 
 
 def formulate(spec: ProblemSpec, tolerance: float = 0.0) -> Formulation:

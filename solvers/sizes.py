@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 from solvers.bases.legendre import legendre_gauss
 from solvers.genetic.basis import basis_of
 from solvers.mesh_points import gauss_mesh, interval_mesh, spline_mesh
-from solvers.phases.problem import PhasedProblem, phased_problem
+from solvers.phases.problem import PhasedProblem
+from solvers.phases.scenarios import formulate_phases
 from solvers.piecewise.driven import driven_states
 from solvers.piecewise.plan import Plan
 from solvers.problem import OptimalControlProblem
@@ -65,7 +66,8 @@ def problem_size(spec: JobSpec) -> ProblemSize:
 
 def _mesh_size(spec: JobSpec) -> ProblemSize:
     if spec.problem.phases:
-        return _flight_size(phased_problem(spec.problem), spec.method)
+        flight = formulate_phases(spec.problem, spec.verification_tolerances()["terminal_error"])
+        return _flight_size(flight.problem, spec.method)
     formulation = formulate(spec.problem, spec.verification_tolerances()["terminal_error"])
     match spec.method:
         case PiecewiseMethod():

@@ -23,7 +23,6 @@ from solvers.errors import pointer
 from solvers.expressions import Expression, named, parse, total
 from solvers.lifting import corners, lifted, with_peak
 from solvers.phases.guess import chained_guesses, histories, phase_times
-from solvers.phases.trajectory import PhasedTrajectory
 from solvers.plants import Plant
 from solvers.problem import End, OptimalControlProblem, Parameters, Values, at_the_ends, names_of
 from solvers.quantities import FREE, Constraint, Integral, Interval
@@ -143,11 +142,6 @@ class PhasedProblem:
         for item in [item for phase in self.phases for item in corner_warnings(phase.problem)]:
             found += [item] if item not in found else []
         return found
-
-    def plants(self, answer: PhasedTrajectory) -> PhasedTrajectory:
-        """An answer under the names of the document, without what was added to solve it."""
-        pairs = zip(self.phases, answer.parts, strict=True)
-        return replace(answer, parts=tuple(phase.plant.trajectory(part) for phase, part in pairs))
 
     @property
     def at_the_ends(self) -> list[Expression]:

@@ -18,7 +18,7 @@ from solvers.plant_objectives import LEVEL, averaged, below_level, mean, same_ob
 from solvers.plants import Plant, PlantPart, together
 from solvers.problem import OptimalControlProblem
 from solvers.quantities import Constraint, Integral
-from solvers.scenarios import NOMINAL, cases_of
+from solvers.scenarios import NOMINAL, cases_of, implied_warnings
 from solvers.spec import ProblemSpec
 
 
@@ -44,6 +44,11 @@ class PhasedFormulation:
     plants: tuple[FlightPlant, ...]
     implied: tuple[str, ...] = ()
     """States whose ends follow from the others, and are held a little less tightly."""
+
+    @property
+    def warnings(self) -> list[dict[str, str]]:
+        """What was not held exactly, and why; where corners stay."""
+        return [*self.problem.warnings, *implied_warnings(self.implied)]
 
 
 def formulate_phases(spec: ProblemSpec, tolerance: float = 0.0) -> PhasedFormulation:

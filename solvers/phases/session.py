@@ -9,10 +9,9 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
-from solvers.phases.problem import PhasedProblem
+from solvers.phases.problem import PhasedProblem, begin_after
 from solvers.phases.trajectory import PhasedTrajectory
 from solvers.phases.transcription import PhasedTranscription
-from solvers.phases.verify import states_after
 from solvers.quantities import FREE, Constraint, Integral
 from solvers.scaling import Scaling
 from solvers.session import Part, Solved, Solving, Stand
@@ -97,10 +96,11 @@ class PhasedSession(Solving[PhasedSolved]):
 
     def carried(self, solved: PhasedSolved, index: int, error: Vector) -> Vector:
         """See :class:`~solvers.session.Solving`."""
-        answer = self.problem.plants(solved.trajectory)
-        end = answer.parts[index - 1].states_at(np.ones(1))[:, 0]
-        begins = [states_after(self.problem, answer, index, state) for state in (end, end + error)]
-        return np.asarray(begins[1] - begins[0], np.float64)
+        before, after = (phase.problem for phase in self.problem.phases[index - 1 : index + 1])
+        link, flown = self.problem.links[index - 1], solved.trajectory.parts[index - 1]
+        end, free = flown.states_at(np.ones(1))[:, 0], np.zeros(len(after.states))
+        begins = [begin_after(link, before, flown, own, after, free) for own in (end, end + error)]
+        return begins[1] - begins[0]
 
     def solve_parts(
         self,

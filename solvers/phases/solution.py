@@ -11,11 +11,24 @@ from numpy.typing import NDArray
 
 from solvers.coefficients import encode
 from solvers.phases.problem import PhasedProblem
+from solvers.phases.scenarios import FlightPlant
 from solvers.phases.trajectory import PhasedTrajectory, joined
+from solvers.problem import OptimalControlProblem
 from solvers.sampling import output_extremes, sample_phases
 from solvers.solution import Answer, interpolation_of, nodes_of
+from solvers.verification import Verification
 
 Vector = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class FlightAnswer:
+    """One of the plants under a command: its part of the answer, and what its flight showed."""
+
+    plant: FlightPlant
+    trajectory: PhasedTrajectory
+    verification: Verification
+    constraints: Sequence[Mapping[str, Any]]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -27,6 +40,8 @@ class PhasedSolution(Answer):
     costates: Sequence[Vector]
     model_reports: Sequence[Mapping[str, Any] | None]
     integrals_by_phase: Sequence[Mapping[str, float]]
+    plants: Sequence[FlightAnswer] = ()
+    """All plants under one command, the one of this result first; none without scenarios."""
 
     @property
     def span(self) -> tuple[float, float]:
@@ -35,7 +50,24 @@ class PhasedSolution(Answer):
 
     def answers(self) -> Sequence[PhasedTrajectory]:
         """See :meth:`solvers.solution.Answer.answers`."""
-        return [self.trajectory]
+        return [answer.trajectory for answer in self.plants] or [self.trajectory]
+
+    def asked_for(self) -> dict[str, Any]:
+        """See :meth:`Answer.asked_for`; besides, every plant."""
+        found = super().asked_for()
+        if self.plants:
+            found["scenarios"] = {answer.plant.name: self._scenario(answer) for answer in self.plants}
+        return found
+
+    def _scenario(self, answer: FlightAnswer) -> dict[str, Any]:
+        """The entry of one of several plants."""
+        samples, outputs = _sampled(answer.plant.problem, answer.trajectory, self.sample_times())
+        return {
+            "trajectory": joined(samples),
+            "verification": answer.verification.to_dict(),
+            "outputs": outputs,
+            "constraints": list(answer.constraints),
+        }
 
     def jumps(self) -> Sequence[float]:
         """Where phases meet."""
@@ -43,21 +75,16 @@ class PhasedSolution(Answer):
 
     def curves(self, times: Vector) -> dict[str, Any]:
         """See :meth:`solvers.solution.Answer.curves`."""
-        answer, problems = self.trajectory, [phase.plant.problem for phase in self.problem.phases]
+        answer, problems = self.trajectory, _problems(self.problem)
         pairs = list(zip(problems, answer.parts, strict=True))
-        samples = sample_phases(problems, answer, times)
+        samples, outputs = _sampled(self.problem, answer, times)
         nodes = [nodes_of(part, own) for part, own in zip(answer.parts, self.costates, strict=True)]
         parts = [encode(part.basis, part.states, part.controls) for part in answer.parts]
-        extremes = [
-            output_extremes(problem, part, own)
-            for (problem, part), own in zip(pairs, samples, strict=True)
-            if own["t"]
-        ]
         return {
             "coefficients": {"basis": {"name": "phases"}, "states": {}, "controls": {}, "phases": parts},
             "nodes": joined(nodes),
             "trajectory": joined(samples),
-            "outputs": _extremes_of_all(item for own in extremes for item in own),
+            "outputs": outputs,
             "design": answer.design,
             "interpolation": {
                 name: how for problem, part in pairs for name, how in interpolation_of(problem, part).items()
@@ -90,6 +117,25 @@ class PhasedSolution(Answer):
             )
             first, first_node = stop, stop_node
         return found
+
+
+def _problems(problem: PhasedProblem) -> list[OptimalControlProblem]:
+    return [phase.plant.problem for phase in problem.phases]
+
+
+def _sampled(
+    problem: PhasedProblem, answer: PhasedTrajectory, times: Vector
+) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
+    """The samples of each phase at these times, and the ``outputs`` of a result."""
+    problems = _problems(problem)
+    samples = sample_phases(problems, answer, times)
+    extremes = [
+        item
+        for alone, part, own in zip(problems, answer.parts, samples, strict=True)
+        if own["t"]
+        for item in output_extremes(alone, part, own)
+    ]
+    return samples, _extremes_of_all(extremes)
 
 
 def _extremes_of_all(items: Iterable[Mapping[str, Any]]) -> list[dict[str, Any]]:

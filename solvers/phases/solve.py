@@ -20,8 +20,9 @@ from solvers.meshes import meshes_of
 from solvers.model_report import model_report
 from solvers.optimizers.ipopt import Limits
 from solvers.phases.problem import PhasedProblem, phased_problem
+from solvers.phases.scenarios import FlightPlant, formulate_phases
 from solvers.phases.session import PhasedSession, PhasedSolved
-from solvers.phases.solution import PhasedSolution
+from solvers.phases.solution import FlightAnswer, PhasedSolution
 from solvers.phases.switching import joined_switching
 from solvers.phases.trajectory import PhasedTrajectory
 from solvers.phases.verify import flight_scope, totals, verify_phases
@@ -42,10 +43,10 @@ def solve_phases(
 ) -> PhasedSolution:
     """Solve a checked document with phases and verify the answer; see :func:`solvers.solve.solve`."""
     started = time.perf_counter()
-    problem = phased_problem(spec.problem)
+    formulation = formulate_phases(spec.problem, spec.verification_tolerances()["terminal_error"])
     session = PhasedSession(
-        problem=problem,
-        scaling=[automatic_scaling(phase.problem) for phase in problem.phases],
+        problem=formulation.problem,
+        scaling=[automatic_scaling(phase.problem) for phase in formulation.problem.phases],
         tolerance=spec.options.tolerance,
         max_iterations=spec.options.max_iterations,
         limits=Limits(time.monotonic() + seconds, progress.cancelled),
@@ -58,30 +59,26 @@ def solve_phases(
     if improved is None:
         span = first_span(spec.method)
         method, answers = answers_of(session, spec, earlier, span)
-        answers[0], diagnosis = diagnose(session, problem.place, answers[0], meshes_of(method)[-1], span)
+        answers[0], diagnosis = diagnose(
+            session, formulation.problem.place, answers[0], meshes_of(method)[-1], span
+        )
         improved = improve(session, spec.method, method, answers[0], span)
     else:
         answers = [improved.solved]
     solved = improved.solved
-    answer = problem.plants(solved.trajectory)
-    costates = [part.costates for part in solved.parts]
-    verification = flown_in_time(
-        session,
-        spec,
-        solved.outcome.status,
-        lambda limits, end: verify_phases(problem, answer, limits, end),
-    )
-    verification = _certified(improved, verification)
+    plants = [_flown(session, spec, solved, plant) for plant in formulation.plants]
+    leading, problem, answer = formulation.plants[0], plants[0].plant.problem, plants[0].trajectory
+    verification = _certified(improved, plants[0].verification)
+    plants[0] = replace(plants[0], verification=verification)
+    flights = [("" if own is plants[0] else f"{own.plant.name}: ", own.verification) for own in plants]
     status, message = judged(
-        solved.outcome.status,
-        [("", verification)],
-        lambda where: _evaluation_fault(problem, answer, where),
+        solved.outcome.status, flights, lambda where: _evaluation_fault(problem, answer, where)
     )
     integrals = [
-        phase.plant.integrals(
-            phase.problem, part.transcription.integrals(part.outcome.unknowns), flown.integrals
+        plant.integrals(
+            part.transcription.problem, part.transcription.integrals(part.outcome.unknowns), flown.integrals
         )
-        for phase, part, flown in zip(problem.phases, solved.parts, verification.parts, strict=True)
+        for plant, part, flown in zip(leading.parts, solved.parts, verification.parts, strict=True)
     ]
     reports = [
         model_report(phase.plant.problem, part)
@@ -90,15 +87,16 @@ def solve_phases(
     pairs = zip(problem.phases, answer.parts, strict=True)
     ended = [item for phase, part in pairs for item in tables_that_end(phase.plant.problem, part)]
     warnings = [*ended, *improved.warnings]
-    sensitivity = _sensitivity(spec.problem, problem, solved) if solved.converged else None
+    one_plant = spec.problem.scenarios is None
+    sensitivity = _sensitivity(spec.problem, problem, solved) if solved.converged and one_plant else None
     session.seconds["total"] = time.perf_counter() - started
     return PhasedSolution(
         spec=spec,
         problem=problem,
         trajectory=answer,
         costates=[
-            own[phase.plant.rows(part)]
-            for own, phase, part in zip(costates, problem.phases, solved.trajectory.parts, strict=True)
+            part.costates[plant.rows(part.trajectory)]
+            for part, plant in zip(solved.parts, leading.parts, strict=True)
         ],
         objective=solved.objective,
         status=status,
@@ -114,14 +112,27 @@ def solve_phases(
             [phase.plant.problem.controls for phase in problem.phases],
             answer.edges[1:].tolist(),
         ),
-        constraints=_margins(problem, answer, verification.parts),
+        constraints=plants[0].constraints,
         sensitivity=sensitivity,
         convergence=session.convergence,
         starts=[start_report(item, item.trajectory.tf, kept=item is answers[0]) for item in answers],
-        warnings=[*problem.warnings, *_empty(problem, solved), *warnings],
+        warnings=[*formulation.warnings, *_empty(problem, solved), *warnings],
+        plants=() if one_plant else plants,
         diagnosis=diagnosis,
         statistics=statistics_of(solved, session),
     )
+
+
+def _flown(session: PhasedSession, spec: JobSpec, solved: PhasedSolved, plant: FlightPlant) -> FlightAnswer:
+    """The answer of one plant, flown on the plant itself."""
+    answer = plant.trajectory(solved.trajectory)
+    verification = flown_in_time(
+        session,
+        spec,
+        solved.outcome.status,
+        lambda limits, end: verify_phases(plant.problem, answer, limits, end),
+    )
+    return FlightAnswer(plant, answer, verification, _margins(plant.problem, answer, verification.parts))
 
 
 def _empty(problem: PhasedProblem, solved: PhasedSolved) -> Iterator[dict[str, str]]:

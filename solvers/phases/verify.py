@@ -38,7 +38,7 @@ def verify_phases(
     for index, (phase, trajectory) in enumerate(zip(problem.phases, answer.parts, strict=True)):
         begin = None
         if index and parts[-1].end is not None:
-            begin = states_after(problem, answer, index, parts[-1].end)
+            begin = _states_after(problem, answer, index, parts[-1].end)
         parts.append(verify(phase.plant.problem, trajectory, tolerances, deadline, begin))
     gaps = [_gap(problem, answer, index) for index in range(1, len(parts))]
     scope = flight_scope(problem, answer, parts)
@@ -71,7 +71,7 @@ def totals(integrals: Sequence[Mapping[str, float]]) -> dict[str, float]:
     return {name: sum(own.get(name, 0.0) for own in integrals) for name in names}
 
 
-def states_after(problem: PhasedProblem, answer: PhasedTrajectory, index: int, end: Vector) -> Vector:
+def _states_after(problem: PhasedProblem, answer: PhasedTrajectory, index: int, end: Vector) -> Vector:
     """The states with which phase ``index`` begins after ``end``; as promised where they are free."""
     before, after = (phase.plant.problem for phase in problem.phases[index - 1 : index + 1])
     promised = answer.parts[index].states_at(np.zeros(1))[:, 0]
@@ -82,7 +82,7 @@ def _gap(problem: PhasedProblem, answer: PhasedTrajectory, index: int) -> float:
     """How far phase ``index`` begins, in time or state, from where it should, relative to scales."""
     before, after = answer.parts[index - 1 : index + 1]
     end = before.states_at(np.ones(1))[:, 0]
-    wanted = states_after(problem, answer, index, end)
+    wanted = _states_after(problem, answer, index, end)
     begin = after.states_at(np.zeros(1))
     late = abs(after.t0 - before.tf) / max(abs(answer.tf - answer.t0), 1e-6)
     scale = scale_of(after.states_at(dense(after.breakpoints)))

@@ -113,8 +113,12 @@ def _not_done(document: Mapping[str, Any]) -> Iterator[tuple[Path, str]]:
         yield ("method", "name"), f"the method {name}"
     if problem.get("final_attitude") is not None:
         yield ("problem", "final_attitude"), "'final_attitude'"
-    if problem.get("scenarios"):
-        yield ("problem", "scenarios"), "scenarios"
+    if mapping(problem.get("scenarios")).get("objective") == "worst":
+        for index, phase in enumerate(map(mapping, listed(problem.get("phases")))):
+            for key in ("terminal", "maximum"):
+                if mapping(phase.get("objective")).get(key) is not None:
+                    place = ("problem", "phases", index, "objective", key)
+                    yield place, "the worst of several plants and a cost at the end of a phase or of its peak"
     if mapping(problem.get("objective")).get("maximum") is not None:
         yield ("problem", "objective", "maximum"), "a maximum over the whole flight (that of a phase is done)"
     if document.get("warm_start") is not None:

@@ -120,21 +120,24 @@ def test_a_jump_carries_the_errors_of_meshes_on() -> None:
     assert result["verification"]["terminal_error"] <= 1e-7
 
 
-def test_coasting_between_two_burns_and_a_phase_that_shrinks_to_nothing() -> None:
-    """Speeding up, a second without thrust, slowing down: v^2 + v = 1, and 2 v + 1 in all.
-
-    Without a first phase nothing depends on its thrust: from there a mesh takes that for an optimum.
-    """
+def test_coasting_between_two_burns() -> None:
+    """Speeding up, a second without thrust, slowing down: v^2 + v = 1, and 2 v + 1 in all."""
     drift = {"bounds": {"u": 0}, "boundary_constraints": [{"expression": "tf - t0", "bounds": 1}]}
-    result = result_of(cut(RIGID_BODY, {}, drift, {}))
+    document = cut(RIGID_BODY, {}, drift, {}, method={"name": "gpm", "refine": "switching"})
+    document["problem"]["guess"] = {"final_time": 3}
+    result = result_of(document)
     assert result["success"], result["message"]
     assert result["objective"] == pytest.approx(np.sqrt(5), abs=1e-9)
     assert result["switching"]["u"]["levels"] == [1.0, None, -1.0]
-    assert result["warnings"] == []
-    nothing = {"guess": {"final_time": 1e-9}}
-    empty = result_of(cut(RIGID_BODY, nothing, drift, {}, method={"name": "hermite_simpson"}))
-    assert [(item["code"], item["pointer"]) for item in empty["warnings"]] == [
-        ("empty_phase", "/problem/phases/0")
+
+
+def test_a_phase_that_shrinks_to_nothing_is_named() -> None:
+    """To coast for as long as one likes costs time: the best is not to."""
+    way = {"final_state": {"x": 0.3}}, {"bounds": {"u": 0}}, {}
+    result = result_of(cut(RIGID_BODY, *way, method={"name": "gpm", "nodes": 10}))
+    assert result["objective"] == pytest.approx(2, abs=0.01)
+    assert [(item["code"], item["pointer"]) for item in result["warnings"]] == [
+        ("empty_phase", "/problem/phases/1")
     ]
 
 

@@ -124,6 +124,13 @@ def test_every_mistake_is_reported_at_once() -> None:
     ("changes", "pointer"),
     [
         ({"method": {"name": "ga"}}, "/method/name"),
+        (
+            {
+                "scenarios": {"objective": "worst", "cases": [{"name": "soft"}]},
+                "first": {"objective": {"terminal": "x_f"}},
+            },
+            "/problem/phases/0/objective/terminal",
+        ),
         ({"objective": {"maximum": "u"}}, "/problem/objective/maximum"),
         ({"warm_start": "x"}, "/warm_start"),
     ],
