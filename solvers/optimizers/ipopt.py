@@ -30,15 +30,22 @@ _ADAPTIVE = {"ipopt.mu_strategy": "adaptive"}
 # bounds that they need not meet.
 _CENTRAL = {"ipopt.bound_mult_init_method": "mu-based"}
 # Whether a step solves its linear equations is not looked at: the end of a solve is judged by the error of
-# the optimality conditions, and on every case the iterations stay the same. Exact programs need exact steps.
+# the optimality conditions, and from a guess the iterations stay the same on every case. Exact programs need
+# exact steps, and so do those that start near an answer: on fine meshes rounding lets inexact ones wander at
+# the end (two masses on 8,193 points: 43 iterations on the mesh before it for 9, and no end on the last).
 _EXACT_BELOW = 1e-9
 _FAST = {"ipopt.fast_step_computation": "yes"}
-# Where the barrier starts near the answer, and how far from its bounds a point is moved before the first
-# iteration. With ten times as much fine meshes wander off, the slew on 8,195 points for minutes. Exact
+# Near the answer: what all bounds together may give away at the barrier that a solve starts with, in units of
+# the objective, which is barrier times number of bounds. A barrier that is the same on every mesh drives fine
+# ones away from the answer that they start from (the slew with k = 115 on 16,387 points, for minutes). Exact
 # programs start from answers on meshes nearly as good: 8 to 19 iterations on the adapted meshes of the slew,
-# where a barrier that falls from 1e-4 takes 20 to 42. Where it only falls, points are hardly moved at all.
-_NEAR = {"ipopt.bound_push": 1e-3, "ipopt.bound_frac": 1e-3, "ipopt.mu_init": 1e-4}
-_NEARER = {"ipopt.bound_push": 1e-4, "ipopt.bound_frac": 1e-4, "ipopt.mu_init": 1e-6}
+# where a barrier that falls from 1e-4 takes 20 to 42.
+_GIVEN_AWAY, _GIVEN_AWAY_EXACTLY = 3e-2, 3e-3
+_HIGHEST_BARRIER = 1e-4
+# How far from its bounds a point near the answer is moved before the first iteration; where the barrier only
+# falls, hardly at all.
+_NEAR = {"ipopt.bound_push": 1e-3, "ipopt.bound_frac": 1e-3}
+_NEARER = {"ipopt.bound_push": 1e-4, "ipopt.bound_frac": 1e-4}
 _FALLING = {"ipopt.bound_push": 1e-6, "ipopt.bound_frac": 1e-6}
 # Where other bounds will matter than at the initial point, it is moved well inside, and says nothing about
 # multipliers of rows. On predictions of the piecewise cases 28 iterations are the most, not 83.
@@ -153,7 +160,7 @@ class Ipopt:
             "ipopt.mumps_pivot_order": _ordering(compiled.jacobian.sparsity_out(1)),
         }
         exact = tolerance < _EXACT_BELOW
-        if not exact:
+        if not (exact or warm):
             options |= _FAST
         if barrier is not None:
             options |= {"ipopt.mu_init": barrier} | (_FALLING if warm else _INSIDE)
@@ -161,6 +168,8 @@ class Ipopt:
             options |= _ADAPTIVE
             if warm:
                 options |= (_NEARER if exact else _NEAR) | _CENTRAL
+                given_away = _GIVEN_AWAY_EXACTLY if exact else _GIVEN_AWAY
+                options["ipopt.mu_init"] = min(_HIGHEST_BARRIER, given_away / max(1, _bounds(program)))
             elif obeys:
                 options |= _CENTRAL
         self._solver = ca.nlpsol("solver", "ipopt", compiled.program, options)
@@ -204,6 +213,12 @@ class Ipopt:
             iterates=[*zip(watched, told["obj"], told["inf_pr"], strict=False), last],
             seconds=time.perf_counter() - started,
         )
+
+
+def _bounds(program: NonlinearProgram) -> int:
+    """How many bounds of unknowns there are, but those of fixed ones."""
+    free = program.lower < program.upper
+    return int(sum(np.count_nonzero(free & np.isfinite(side)) for side in (program.lower, program.upper)))
 
 
 def _violation(program: NonlinearProgram, rows: Vector) -> float:
