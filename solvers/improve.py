@@ -133,7 +133,9 @@ def answers_of(
         if best.stopped or not (best.outcome.status in _NO_END or best.collapsed):
             break
     session.max_iterations = limit
-    return next((item for item in tried[:-1] if item[1][0].converged and answers[0].collapsed), tried[-1])
+    if answers[0].collapsed:  # no method keeps that phase: the first one that converged is as good
+        return next((item for item in tried if item[1][0].converged), tried[-1])
+    return method, answers
 
 
 def resume(session: Solving[Ended], method: Method, earlier: AnyTrajectory | None) -> Improved[Ended] | None:

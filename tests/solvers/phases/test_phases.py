@@ -142,18 +142,6 @@ def test_a_bounce(method: dict[str, Any]) -> None:
     assert costates[before] == pytest.approx(-0.5 * costates[after], abs=1e-4)
 
 
-@each_method
-def test_a_waypoint_on_the_way(method: dict[str, Any]) -> None:
-    """Rest to rest over 2 s by way of -1 at 1 s: two cubics, each with an integral of 12 * 2^2."""
-    problem = {
-        **DOUBLE_INTEGRATOR,
-        "phases": [{"name": "there", "final_time": 1, "final_state": {"x": -1}}, {"name": "back"}],
-    }
-    result = result_of({"problem": problem, "method": method})
-    assert result["objective"] == pytest.approx(96, rel=1e-8)
-    assert result["trajectory"]["states"]["x_dot"][result["phases"][0]["stop"]] == pytest.approx(0, abs=1e-6)
-
-
 def test_a_dropped_mass_against_two_solves_joined_by_hand(rocket: dict[str, Any]) -> None:
     assert rocket["success"], rocket["message"]
     boost, climb = rocket["phases"]
