@@ -201,12 +201,21 @@ def _adapted(
 def _automatically(
     session: Solving[Ended], method: AutoMethod, used: Method, first: Ended, span: float
 ) -> Improved[Ended]:
-    """The structure first, which is exact and cheap; an adapted mesh where it is not found."""
+    """The structure first, which is exact and cheap; an adapted mesh where it is not found.
+
+    Or where between its nodes it leaves bounds or path constraints by more than is asked for, as polynomials
+    do along constraints on several controls; it stays where the mesh does not do better.
+    """
+    exact = None
     if is_refinable(session.parts):
         refinement = refine_switching(session, first)
-        if refinement.refined is not None or refinement.solved.stopped:
-            return Improved(refinement.solved, refinement=refinement)
+        exact = Improved(refinement.solved, refinement=refinement)
+        refined = refinement.refined
+        if refinement.solved.stopped or (refined is not None and refined.outside <= method.accuracy):
+            return exact
+        exact = exact if refined is not None else None
     adaptivity = Adaptivity(tolerance=method.accuracy)
     if isinstance(used, SplineWaveletMethod):
         adaptivity = SplineAdaptivity(tolerance=method.accuracy, max_level=_AUTOMATIC_LEVEL)
-    return _adapted(session, used.model_copy(update={"adaptive": adaptivity}), adaptivity, first, span)
+    adapted = _adapted(session, used.model_copy(update={"adaptive": adaptivity}), adaptivity, first, span)
+    return adapted if exact is None or not adapted.warnings else exact

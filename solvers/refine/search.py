@@ -33,6 +33,9 @@ PROGRAM_TOLERANCE = 1e-12
 """How exactly multi-arc programs are solved: switching times enter the objective squared, a singular control
 more weakly still, so that they are as good as the square root of this."""
 
+ITERATIONS = 200
+"""A program that starts from the one before and needs more iterations than these will not be right either."""
+
 LOW_BARRIER = 1e-4
 """Where the barrier of multi-arc programs falls from: one that adapts loses arcs that are about to vanish."""
 
@@ -56,15 +59,17 @@ _NO_BARRIER = PROGRAM_TOLERANCE / 11.0
 # An arc of this part of the horizon does not vanish.
 _FIRM = 0.02
 _ROUNDS = 16
-# After so many rounds of more nodes, none of which halves the error, the best of structures that take turns
-# is taken for a wrong one.
-_PATIENCE = 2
+# Where so many times the nodes have not brought the error down by the same factor, the structure is taken
+# for a wrong one: it lacks arcs, and no number of nodes makes up for them.
+_PATIENCE = 4.0
 # Where the arcs that were found reach no target: splines on this mesh, next time one level finer. They let a
 # control jump from knot to knot, where polynomials of higher degree chatter along limits.
 LOOKS = 2
 _LOOK_LENGTH, _LOOK_LEVEL = 8, 6
 # The part of what the Hamiltonian may wander that more nodes aim at.
 _DRIFT_AIM = 0.1
+# By how much bounds and path constraints may be left between nodes, relative to scales: more nodes aim at it.
+_OUTSIDE_AIM = 1e-7
 # An arc is cut where the sign is wrong by more than this, and by more than the error of the states.
 _CUT = 1e-6
 
@@ -105,14 +110,15 @@ class Arcs:
 class RefinedPart:
     """A solved part with its structure and mesh.
 
-    ``errors``: of the states, segment by segment; ``wrong_sign``: the largest wrong value of a switching
-    function; both relative.
+    ``errors``: of the states, segment by segment; ``outside``: how far bounds and path constraints are left
+    there; ``wrong_sign``: the largest wrong value of a switching function; all relative.
     """
 
     solved: Solved
     structure: Structure
     mesh: ArcMesh
     errors: Vector
+    outside: Vector
     wrong_sign: float = np.inf
 
     @classmethod
@@ -121,8 +127,9 @@ class RefinedPart:
         program = solved.transcription
         assert isinstance(program, MultiArc)
         structure = replace(arcs.structure, edges=program.edges_of(solved.trajectory))
-        errors = arc_errors(program.problem, solved.trajectory).states.max(axis=0)
-        return cls(solved, structure, arcs.mesh, program.by_segment(errors))
+        errors = arc_errors(program.problem, solved.trajectory)
+        states, outside = errors.states.max(axis=0), np.maximum(errors.bounds, errors.path)
+        return cls(solved, structure, arcs.mesh, program.by_segment(states), program.by_segment(outside))
 
     @property
     def problem(self) -> OptimalControlProblem:
@@ -135,10 +142,15 @@ class RefinedPart:
         return float(self.errors.max())
 
     @property
+    def wants(self) -> Vector:
+        """What more nodes are for, segment by segment: errors, and what is left as if it were an error."""
+        return np.maximum(self.errors, TOLERANCE * self.outside / _OUTSIDE_AIM)
+
+    @property
     def finer(self) -> Arcs:
-        """The same arcs, with more nodes where the errors are too large."""
+        """The same arcs, with more nodes where these are wanted."""
         start = self.solved.trajectory
-        return Arcs(self.structure, self.mesh.refined(start, self.errors, TOLERANCE), start)
+        return Arcs(self.structure, self.mesh.refined(start, self.wants, TOLERANCE), start)
 
     def changed(self, structure: Structure | None) -> Arcs:
         """Other arcs; these, where there is no change."""
@@ -160,6 +172,21 @@ class Refined(Generic[Ended]):
         return max(part.error for part in self.parts)
 
     @property
+    def nodes(self) -> int:
+        """The number of nodes."""
+        return sum(sum(part.mesh.flat_counts) for part in self.parts)
+
+    @property
+    def outside(self) -> float:
+        """The farthest that a bound or a path constraint is left by between nodes."""
+        return max(float(part.outside.max()) for part in self.parts)
+
+    @property
+    def wants(self) -> float:
+        """The largest of what more nodes are for."""
+        return max(float(part.wants.max()) for part in self.parts)
+
+    @property
     def wrong_sign(self) -> float:
         """The largest wrong value of a switching function."""
         return max(part.wrong_sign for part in self.parts)
@@ -168,6 +195,20 @@ class Refined(Generic[Ended]):
     def pattern(self) -> Hashable:
         """What is the same for structures that differ in instants only."""
         return _pattern([part.structure for part in self.parts])
+
+
+@dataclass
+class Pace:
+    """Whether more nodes help: with how many the last good step was done, and what was wanted there."""
+
+    nodes: float = np.inf
+    wants: float = np.inf
+
+    def helps(self, nodes: int, wants: float) -> bool:
+        """Whether to go on after this many nodes, which leave this much to be wanted."""
+        if wants <= self.wants / _PATIENCE:
+            self.nodes, self.wants = nodes, wants
+        return nodes <= _PATIENCE * self.nodes
 
 
 @dataclass
@@ -188,7 +229,7 @@ class Search(Generic[Ended]):
         """Search from ``structures``, one for each part; returns why it ended."""
         settled = False
         arcs = self._first(structures, self.start)
-        before, slow = np.inf, 0
+        pace = Pace()
         for round_ in range(_ROUNDS):
             solved = None if _too_few_arcs(self.session, arcs) else self._solve(arcs, round_)
             if solved is None or not solved.converged:
@@ -216,19 +257,21 @@ class Search(Generic[Ended]):
                 if pattern not in self.tried:
                     self.tried.add(pattern)
                     arcs = [part.changed(new) for part, new in zip(found.parts, changes, strict=True)]
+                    pace = Pace()
                     continue
                 # Structures take turns, or switches accumulate: the best so far, with nodes enough.
                 if self.best is None:
                     return "the same structures come back"
                 settled, found = True, self.best
-            if found.error <= TOLERANCE:
+            if found.wants <= TOLERANCE:
                 return "done"
-            slow = slow + 1 if settled and found.error > before / 2.0 else 0
-            before = found.error
-            arcs = [part.finer for part in found.parts]
-            closer = self._look_closer(arcs, round_) if slow == _PATIENCE and before > ACCEPTABLE else None
-            if closer is not None:
-                arcs, settled, before = closer, False, np.inf
+            if pace.helps(found.nodes, found.wants):
+                arcs = [part.finer for part in found.parts]
+                continue
+            closer = self._look_closer(arcs, round_) if found.error > ACCEPTABLE else None
+            if closer is None:
+                return "more nodes do not help"
+            arcs, settled, pace = closer, False, Pace()
         return f"no structure was settled on after {_ROUNDS} rounds"
 
     def _look_closer(self, arcs: Sequence[Arcs], round_: int) -> list[Arcs] | None:
@@ -271,7 +314,7 @@ class Search(Generic[Ended]):
         """
         best = self.best
         if best is None or best.pattern == found.pattern:
-            better = best is None or found.error < best.error
+            better = best is None or found.wants < best.wants
         else:
             ranks = [(item.error > ACCEPTABLE, item.solved.objective) for item in (found, best)]
             better = ranks[0] < ranks[1]

@@ -24,6 +24,7 @@ from solvers.refine.residual import arc_errors
 from solvers.refine.search import (
     ACCEPTABLE,
     DRIFT,
+    ITERATIONS,
     LOOKS,
     PROGRAM_TOLERANCE,
     WRONG_SIGN,
@@ -138,7 +139,10 @@ def _searched(
     """A search that has come to its end, and why it did; ``looks``: how many of its closer looks are gone."""
     started = time.perf_counter()
     inner = replace(
-        session, tolerance=min(session.tolerance, PROGRAM_TOLERANCE), seconds={"build": 0.0, "solve": 0.0}
+        session,
+        tolerance=min(session.tolerance, PROGRAM_TOLERANCE),
+        max_iterations=min(session.max_iterations, ITERATIONS),
+        seconds={"build": 0.0, "solve": 0.0},
     )
     search = Search(inner, start, looks=looks)
     reason = search.run(structures())
