@@ -34,8 +34,9 @@ CHAPTER_SHARE = 0.5
 """How much of the last error the published scheme adds to its start."""
 # A segment of unknown length takes at least this part of the guess, so that nothing divides by zero.
 _SHORTEST = 1e-3
-# Other bounds will matter than in the prediction before: start far enough from all of them.
-_BARRIER = 0.1
+# Other bounds will matter than in the prediction before: start far enough from all of them. One segment
+# alone, as published, has many optima, some of which tumble: there the nearest one is wanted.
+_BARRIER, _BARRIER_NEAR = 0.1, 1e-2
 
 
 class Predictor:
@@ -52,7 +53,7 @@ class Predictor:
         self._tracker: Tracker = setup.tracker
         self._rehearsal = Rehearsal(self._model)
         self._horizons: dict[Mesh, Horizon] = {}
-        self._optimizers: dict[Mesh, Ipopt] = {}
+        self._optimizers: dict[tuple[Mesh, bool], Ipopt] = {}
         self._solution: tuple[Vector, Vector, Vector] | None = None  # times, states, controls of the last one
         self._ends: list[Vector] = []  # where each segment was expected to end when it began
 
@@ -127,18 +128,20 @@ class Predictor:
         self, index: int, start: Vector, at: float, limits: Limits, mesh: Mesh
     ) -> tuple[Horizon, Wanted, Outcome]:
         setup = self._setup
+        near = setup.scheme == "chapter" and self._solution is not None
         horizon = self._horizons.get(mesh) or Horizon(self._model, mesh, setup.scales, setup.smoothing)
         self._horizons[mesh] = horizon
         wanted = self._wanted(mesh, index, start, at)
         program = horizon.program(wanted)
-        optimizer = self._optimizers.get(mesh) or Ipopt(
+        optimizer = self._optimizers.get((mesh, near)) or Ipopt(
             program,
             tolerance=setup.tolerance,
             max_iterations=setup.max_iterations,
-            barrier=_BARRIER,
+            warm=near,
+            barrier=_BARRIER_NEAR if near else _BARRIER,
             repeated=True,
         )
-        self._optimizers[mesh] = optimizer
+        self._optimizers[mesh, near] = optimizer
         return horizon, wanted, optimizer.minimise(program, limits, _unheard)
 
     def _wanted(self, mesh: Mesh, index: int, start: Vector, at: float) -> Wanted:
