@@ -31,9 +31,10 @@ _ADAPTIVE = {"ipopt.mu_strategy": "adaptive"}
 _CENTRAL = {"ipopt.bound_mult_init_method": "mu-based"}
 # Whether a step solves its linear equations is not looked at: the end of a solve is judged by the error of
 # the optimality conditions, and from a guess the iterations stay the same on every case. Exact programs need
-# exact steps, and so do those that start near an answer: on fine meshes rounding lets inexact ones wander at
+# exact steps, and so do those that start near an answer on a fine mesh: rounding lets inexact ones wander at
 # the end (two masses on 8,193 points: 43 iterations on the mesh before it for 9, and no end on the last).
 _EXACT_BELOW = 1e-9
+_MANY_BOUNDS = 600
 _FAST = {"ipopt.fast_step_computation": "yes"}
 # Near the answer: what all bounds together may give away at the barrier that a solve starts with, in units of
 # the objective, which is barrier times number of bounds. A barrier that is the same on every mesh drives fine
@@ -160,7 +161,8 @@ class Ipopt:
             "ipopt.mumps_pivot_order": _ordering(compiled.jacobian.sparsity_out(1)),
         }
         exact = tolerance < _EXACT_BELOW
-        if not (exact or warm):
+        bounds = _bounds(program)
+        if not exact and not (warm and bounds > _MANY_BOUNDS):
             options |= _FAST
         if barrier is not None:
             options |= {"ipopt.mu_init": barrier} | (_FALLING if warm else _INSIDE)
@@ -169,7 +171,7 @@ class Ipopt:
             if warm:
                 options |= (_NEARER if exact else _NEAR) | _CENTRAL
                 given_away = _GIVEN_AWAY_EXACTLY if exact else _GIVEN_AWAY
-                options["ipopt.mu_init"] = min(_HIGHEST_BARRIER, given_away / max(1, _bounds(program)))
+                options["ipopt.mu_init"] = min(_HIGHEST_BARRIER, given_away / max(1, bounds))
             elif obeys:
                 options |= _CENTRAL
         self._solver = ca.nlpsol("solver", "ipopt", compiled.program, options)
