@@ -100,6 +100,8 @@ def output_extremes(
 
     Looked for between the breakpoints of the trajectory and among what was ``sampled`` for the result.
     """
+    if not problem.outputs:
+        return []
     tau = dense(trajectory.breakpoints)
     times = np.concatenate([trajectory.time(tau), sampled["t"]])
     units = {item.name: item.units for item in problem.outputs}

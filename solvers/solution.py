@@ -244,7 +244,10 @@ def finite(value: Any) -> Any:
     """A JSON value with None for every number that is not finite."""
     if isinstance(value, float):
         return value if math.isfinite(value) else None
-    if isinstance(value, Mapping):
+    if isinstance(value, str | int | None):
+        return value
+    # Asked first by type: to ask whether something is a Mapping takes long.
+    if type(value) is dict or isinstance(value, Mapping):
         return {key: finite(item) for key, item in value.items()}
     if isinstance(value, list | tuple):
         # Most lists are the numbers of a history.

@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 from dataclasses import dataclass
+from functools import cache
 from typing import TYPE_CHECKING, Any
 
 from solvers.errors import pointer
@@ -84,19 +85,28 @@ def _canonical(value: Any) -> Any:
 
 def _plain_object(model: SpecModel, path: Path, defaults: list[Path], given: bool) -> dict[str, Any]:
     plain: dict[str, Any] = {}
-    for name, info in type(model).model_fields.items():
+    for name, key, required in _fields(type(model)):
         value = getattr(model, name)
-        key = info.alias or name
         empty = value is None or (isinstance(value, str | list | tuple | dict) and len(value) == 0)
-        if name in _IGNORED or (empty and not info.is_required()):
+        if empty and not required:
             continue
         here = given and name in model.model_fields_set
         if not here and not isinstance(value, SpecModel):
             defaults.append((*path, key))
         written = _plain(value, (*path, key), defaults, here)
-        if written != {} or info.is_required():
+        if written != {} or required:
             plain[key] = written
     return plain
+
+
+@cache
+def _fields(kind: type[SpecModel]) -> tuple[tuple[str, str, bool], ...]:
+    """Each field of a part of the document: its name, its key, and whether it is required."""
+    return tuple(
+        (name, info.alias or name, info.is_required())
+        for name, info in kind.model_fields.items()
+        if name not in _IGNORED
+    )
 
 
 def _plain(value: Any, path: Path, defaults: list[Path], given: bool) -> Any:
