@@ -21,8 +21,9 @@ from numpy.typing import NDArray
 from scipy.stats import qmc
 
 from solvers.problem import OptimalControlProblem
+from solvers.refine.arcs import Arcs, RefinedPart
 from solvers.refine.bang_bang import BangBangFlights
-from solvers.refine.search import LOW_BARRIER, PROGRAM_TOLERANCE, WRONG_SIGN, Arcs, RefinedPart
+from solvers.refine.search import LOW_BARRIER, PROGRAM_TOLERANCE, WRONG_SIGN
 from solvers.refine.signs import next_structure
 from solvers.refine.structure import SHORTEST_ARC, Structure
 from solvers.session import Session

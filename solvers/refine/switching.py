@@ -19,16 +19,15 @@ from solvers.limits import limits_of
 from solvers.phases.trajectory import AnyTrajectory
 from solvers.problem import OptimalControlProblem
 from solvers.quantities import WHOLE_SPAN
+from solvers.refine.arcs import DRIFT, Refined
 from solvers.refine.detection import find_structure
 from solvers.refine.residual import arc_errors
 from solvers.refine.search import (
     ACCEPTABLE,
-    DRIFT,
     ITERATIONS,
     LOOKS,
     PROGRAM_TOLERANCE,
     WRONG_SIGN,
-    Refined,
     Search,
     structures_of,
 )
