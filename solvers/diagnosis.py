@@ -10,7 +10,8 @@ import numpy as np
 
 from solvers.elastic import Wish, elastic_problem, wishes_of, wishes_over_all
 from solvers.meshes import Mesh
-from solvers.session import Ended, Part, Solving, Stand
+from solvers.session import Part, Solving
+from solvers.solved import Ended, Stand
 from solvers.status import SolveStatus
 from solvers.trajectory import Trajectory
 from solvers.transcription.base import Transcription

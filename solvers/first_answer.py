@@ -15,7 +15,8 @@ from solvers.guess import Start, WarmStart
 from solvers.meshes import Mesh
 from solvers.minimum_energy import CubicStart, minimum_energy_start
 from solvers.phases.trajectory import AnyTrajectory
-from solvers.session import Ended, Solving, Stand
+from solvers.session import Solving
+from solvers.solved import Ended, Stand
 from solvers.starts import several_starts
 from solvers.status import SolveStatus
 from solvers.transcription.base import Transcription

@@ -13,7 +13,8 @@ from solvers.refine.adaptive import Adapted, adapt
 from solvers.refine.extremals import Extremal, other_extremals
 from solvers.refine.residual import mesh_error_estimate
 from solvers.refine.switching import Refinement, is_refinable, refine_switching, resume_switching
-from solvers.session import Ended, Session, Solved, Solving
+from solvers.session import Session, Solving
+from solvers.solved import Ended, Solved
 from solvers.spec import (
     Adaptivity,
     AutoMethod,

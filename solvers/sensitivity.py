@@ -23,7 +23,7 @@ from solvers.errors import pointer
 from solvers.optimizers.ipopt import Outcome
 from solvers.program import NonlinearProgram
 from solvers.scenarios import formulate
-from solvers.session import Solved
+from solvers.solved import Solved
 from solvers.spec import BoundValue, PhaseSpec, ProblemSpec, Value, evaluate_constant
 
 Vector = NDArray[np.float64]

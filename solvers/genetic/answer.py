@@ -19,7 +19,8 @@ from solvers.genetic.runge_kutta import RungeKuttaSimulator
 from solvers.genetic.search import Found
 from solvers.guess import Start
 from solvers.problem import OptimalControlProblem
-from solvers.session import Session, Solved
+from solvers.session import Session
+from solvers.solved import Solved
 from solvers.spec import GeneticMethod
 from solvers.trajectory import Trajectory
 from solvers.transcription.daubechies_controls import DaubechiesControls

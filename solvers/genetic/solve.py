@@ -28,8 +28,9 @@ from solvers.plants import Plant
 from solvers.refine.residual import mesh_error_estimate
 from solvers.report import constraint_margins
 from solvers.scenarios import Formulation
-from solvers.session import Session, Solved, statistics_of
+from solvers.session import Session, statistics_of
 from solvers.solution import PlantAnswer, Solution, Statistics
+from solvers.solved import Solved
 from solvers.spec import AutoMethod, GeneticMethod, JobSpec, ProblemSpec
 from solvers.status import SolveStatus
 from solvers.switching import find_switching

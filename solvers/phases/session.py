@@ -14,7 +14,8 @@ from solvers.phases.trajectory import PhasedTrajectory
 from solvers.phases.transcription import PhasedTranscription
 from solvers.quantities import FREE, Constraint, Integral
 from solvers.scaling import Scaling
-from solvers.session import Part, Solved, Solving, Stand
+from solvers.session import Part, Solving
+from solvers.solved import Solved, Stand
 from solvers.transcription.base import Transcription
 
 Vector = NDArray[np.float64]

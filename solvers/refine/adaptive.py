@@ -24,7 +24,8 @@ from solvers.refine.adaptive_optimality import suboptimality
 from solvers.refine.jumps import Jump, jumps_of
 from solvers.refine.residual import ArcErrors, arc_errors, flight_errors
 from solvers.scaling import Scaling
-from solvers.session import Ended, Solved, Solving, Stand
+from solvers.session import Solving
+from solvers.solved import Ended, Solved, Stand
 from solvers.switching import is_switched
 from solvers.trajectory import Trajectory
 from solvers.transcription.base import Transcription

@@ -17,7 +17,8 @@ from solvers.mesh_points import spline_mesh
 from solvers.refine.arcs import TOLERANCE, Arcs, Refined, assessed, pattern_of
 from solvers.refine.detection import find_structure
 from solvers.refine.structure import Structure
-from solvers.session import Ended, Solved, Solving, Stand
+from solvers.session import Solving
+from solvers.solved import Ended, Solved, Stand
 from solvers.status import SolveStatus
 from solvers.trajectory import Trajectory
 from solvers.transcription.spline_wavelet import SplineWavelet

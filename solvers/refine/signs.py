@@ -11,7 +11,7 @@ from solvers.limits import Limit
 from solvers.problem import OptimalControlProblem
 from solvers.quantities import Interval
 from solvers.refine.structure import Flags, Pieces, Structure
-from solvers.session import Solved
+from solvers.solved import Solved
 from solvers.trajectory import Trajectory
 from solvers.transcription.multi_arc import Follow, MultiArc
 

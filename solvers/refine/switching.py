@@ -32,7 +32,8 @@ from solvers.refine.search import (
     structures_of,
 )
 from solvers.refine.structure import Structure
-from solvers.session import Ended, Part, Solving, Stand
+from solvers.session import Part, Solving
+from solvers.solved import Ended, Stand
 from solvers.trajectory import Trajectory
 from solvers.verification import Check, Verification
 from solvers.violations import dense

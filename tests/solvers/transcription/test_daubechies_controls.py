@@ -19,7 +19,8 @@ from solvers.optimizers.ipopt import Limits
 from solvers.problem import OptimalControlProblem
 from solvers.progress import SilentProgress
 from solvers.scaling import automatic_scaling
-from solvers.session import Session, Solved
+from solvers.session import Session
+from solvers.solved import Solved
 from solvers.spec import check_document
 from solvers.trajectory import Trajectory
 from solvers.transcription.daubechies_controls import DaubechiesControls
