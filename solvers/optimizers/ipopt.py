@@ -11,7 +11,8 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from solvers.program import NonlinearProgram, compile_program
+from solvers.derivatives import compile_program
+from solvers.program import NonlinearProgram
 from solvers.status import SolveStatus
 
 Vector = NDArray[np.float64]

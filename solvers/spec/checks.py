@@ -141,3 +141,8 @@ def check_bound(value: Any, scope: Scope, flaws: Flaws, *path: str | int) -> Int
         flaws.add(f"crossed bounds: the lower side {sides[0]:g} is above the upper side {sides[1]:g}", *path)
         return None
     return sides[0], sides[1]
+
+
+def interval_of(scope: Scope, bound: Any) -> Interval | None:
+    """Return the interval of a bound as submitted, or None where it cannot be judged; no bound is free."""
+    return FREE if bound is None else check_bound(bound, scope, Flaws())

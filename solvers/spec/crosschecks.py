@@ -8,19 +8,14 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
-from typing import Any
 
-import numpy as np
-from pydantic_core import PydanticCustomError
-
-from solvers.errors import ExpressionError
-from solvers.expressions import RESERVED, parse, quoted
+from solvers.expressions import RESERVED, quoted
 from solvers.models import LIBRARY
 from solvers.spec.attitude import check_attitude
-from solvers.spec.checks import check_bound, check_constant
+from solvers.spec.checks import check_constant, interval_of
 from solvers.spec.data import check_data
 from solvers.spec.faults import Flaws, Path
-from solvers.spec.matrices import MatrixOf, matrix_rows
+from solvers.spec.mass_check import check_mass
 from solvers.spec.modal_checks import check_modal
 from solvers.spec.phase_checks import check_phases, phase_documents
 from solvers.spec.piecewise_checks import check_piecewise
@@ -35,11 +30,8 @@ from solvers.spec.scope import (
     read_scope,
 )
 from solvers.spec.support import check_support
-from solvers.spec.values import FREE, Interval, inside
 
 _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*", re.ASCII)
-# A matrix with rows and columns scaled to 1 is taken as singular below this reciprocal condition number.
-_SINGULAR = 1e-13
 
 
 def cross_check(scope: Scope) -> Flaws:
@@ -64,7 +56,7 @@ def cross_check(scope: Scope) -> Flaws:
     if scope.known and scope.axes:
         check_modal(scope, flaws)
     elif scope.known and scope.coordinates:
-        _check_mass(scope, flaws)
+        check_mass(scope, flaws)
     return flaws
 
 
@@ -177,14 +169,9 @@ def _generated(scope: Scope) -> dict[str, str]:
     return made | {f"{x}{end}": x for x in scope.states + scope.controls for end in ("_0", "_f")}
 
 
-def _interval(scope: Scope, bound: Any) -> Interval | None:
-    """Return the interval of a bound, or None where it cannot be judged."""
-    return FREE if bound is None else check_bound(bound, scope, Flaws())
-
-
 def _check_times(scope: Scope, flaws: Flaws) -> None:
-    start = _interval(scope, scope.problem.get("initial_time", 0))
-    end = _interval(scope, scope.problem.get("final_time"))
+    start = interval_of(scope, scope.problem.get("initial_time", 0))
+    end = interval_of(scope, scope.problem.get("final_time"))
     if start is None or end is None:
         return
     if end[1] <= start[0]:
@@ -212,7 +199,7 @@ def _check_ends(scope: Scope, flaws: Flaws) -> None:
                     flaws.add(detail, "problem", key)
                 continue
             place = state if state in ends else "*"
-            end, allowed = _interval(scope, ends[place]), _interval(scope, bounds.get(state))
+            end, allowed = interval_of(scope, ends[place]), interval_of(scope, bounds.get(state))
             if end is not None and allowed is not None and (end[1] < allowed[0] or end[0] > allowed[1]):
                 inside_what = f"[{allowed[0]:g}, {allowed[1]:g}]"
                 detail = f"the state {quoted(state)} ends outside its bounds {inside_what}"
@@ -224,7 +211,7 @@ def _check_control_ends(scope: Scope, flaws: Flaws) -> None:
     for key in ("initial_control", "final_control"):
         ends = mapping(scope.problem.get(key))
         for control in scope.controls:
-            end, allowed = _interval(scope, ends.get(control)), _interval(scope, bounds.get(control))
+            end, allowed = interval_of(scope, ends.get(control)), interval_of(scope, bounds.get(control))
             if end is not None and allowed is not None and (end[1] < allowed[0] or end[0] > allowed[1]):
                 inside_what = f"[{allowed[0]:g}, {allowed[1]:g}]"
                 detail = f"the control {quoted(control)} is outside its bounds {inside_what} there"
@@ -243,7 +230,7 @@ def _check_design(scope: Scope, flaws: Flaws) -> None:
                 "unsupported: design parameters of a model with computed quantities are not in this version"
             )
             flaws.add(detail, "problem", "design", name, type="unsupported")
-        bound, guess = _interval(scope, mapping(item).get("bounds")), mapping(item).get("guess")
+        bound, guess = interval_of(scope, mapping(item).get("bounds")), mapping(item).get("guess")
         value = None if guess is None else check_constant(guess, scope, Flaws())
         if bound is not None and value is not None and not bound[0] <= value <= bound[1]:
             detail = f"the guess {value:g} is outside the bounds [{bound[0]:g}, {bound[1]:g}]"
@@ -261,73 +248,3 @@ def _check_guess(scope: Scope, flaws: Flaws) -> None:
             if isinstance(values, list) and len(values) != len(times):
                 detail = f"{len(times)} times for {len(values)} values"
                 flaws.add(detail, "problem", "guess", key, name)
-
-
-def _check_mass(scope: Scope, flaws: Flaws) -> None:
-    """The mass matrix must be finite and regular at the start, or at the guess where the start is free."""
-    n = len(scope.coordinates)
-    mass = scope.model.get("mass")
-    if isinstance(mass, list):
-        if len(mass) != n or any(not isinstance(row, list) or len(row) != n for row in mass):
-            return  # reported where it stands, as everything else that is passed over here
-    else:
-        try:
-            mass = MatrixOf("coordinates").check(mass, scope)
-        except PydanticCustomError:
-            return
-    point = _start(scope)
-    matrix = np.empty((n, n))
-    try:
-        with np.errstate(all="ignore"):
-            for name, definition in mapping(scope.model.get("definitions")).items():
-                point[name] = parse(definition).evaluate(point)
-            for i, row in enumerate(mass if isinstance(mass, list) else matrix_rows(mass, n, n)):
-                for j, entry in enumerate(row):
-                    matrix[i, j] = parse(entry).evaluate(point)
-    except (ExpressionError, KeyError, TypeError):
-        return
-    place: Path = ("problem", "model")
-    if mapping(scope.problem["model"]).get("kind") != "library":  # the rows of the library are nobody's fault
-        place += ("mass",)
-    if not np.isfinite(matrix).all():
-        i, j = (int(index) for index in np.argwhere(~np.isfinite(matrix))[0])
-        flaws.add(f"the mass matrix is not finite at the start: entry {i}, {j} is {matrix[i, j]}", *place)
-    elif _is_singular(matrix):
-        flaws.add("the mass matrix is singular at the start", *place)
-
-
-def _is_singular(matrix: np.ndarray) -> bool:
-    size = np.abs(matrix)
-    if not (size.max(axis=0) > 0).all() or not (size.max(axis=1) > 0).all():
-        return True
-    scaled = matrix / size.max(axis=1, keepdims=True)
-    scaled = scaled / np.abs(scaled).max(axis=0)
-    values = np.linalg.svd(scaled, compute_uv=False)
-    return bool(values[-1] <= _SINGULAR * values[0])
-
-
-def _start(scope: Scope) -> dict[str, float]:
-    """Return a value for every name of the model at the start, as the default guess would choose it."""
-    bounds, guess = mapping(scope.problem.get("bounds")), mapping(scope.problem.get("guess"))
-    point = dict(scope.parameters)
-    point["t"] = inside(_interval(scope, scope.problem.get("initial_time", 0)) or FREE)
-    for key, names in (("states", scope.states), ("controls", scope.controls)):
-        for name in names:
-            given = _first_value(mapping(guess.get(key)).get(name), scope)
-            candidates = [_end(scope, "initial_state", name)]
-            if candidates[0][0] < candidates[0][1] and given is not None:
-                point[name] = given
-                continue
-            candidates += [_end(scope, "final_state", name), _interval(scope, bounds.get(name)) or FREE]
-            point[name] = inside(next((c for c in candidates if c != FREE), FREE))
-    return point
-
-
-def _end(scope: Scope, key: str, name: str) -> Interval:
-    ends = mapping(scope.problem.get(key))
-    return _interval(scope, ends.get(name, ends.get("*"))) or FREE
-
-
-def _first_value(history: Any, scope: Scope) -> float | None:
-    values = history.get("values") if isinstance(history, dict) else history
-    return check_constant(values[0], scope, Flaws()) if isinstance(values, list) and values else None

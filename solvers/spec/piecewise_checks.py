@@ -8,7 +8,7 @@ import numpy as np
 
 from solvers.errors import ExpressionError
 from solvers.expressions import parse, quoted
-from solvers.spec.checks import check_bound
+from solvers.spec.checks import check_bound, interval_of
 from solvers.spec.faults import Flaws
 from solvers.spec.scope import Scope, mapping
 from solvers.spec.values import FREE, Interval, evaluate_constant
@@ -23,12 +23,12 @@ def check_piecewise(scope: Scope, flaws: Flaws) -> None:
         return
     if not scope.known:
         return
-    if not _fixed(_interval(scope, scope.problem.get("initial_time", 0))):
+    if not _fixed(interval_of(scope, scope.problem.get("initial_time", 0))):
         flaws.add("piecewise starts at one time: give a value", "problem", "initial_time")
     initial = mapping(scope.problem.get("initial_state"))
     for state in scope.states:
         place = state if state in initial else "*"
-        if place in initial and not _fixed(_interval(scope, initial[place])):
+        if place in initial and not _fixed(interval_of(scope, initial[place])):
             flaws.add(
                 f"piecewise starts from one state: give {quoted(state)} a value",
                 "problem",
@@ -82,8 +82,8 @@ def _check_segments(scope: Scope, method: dict[str, Any], flaws: Flaws) -> None:
     if segments.get(other) is not None:
         flaws.add(f"segments by {quoted(by)} have no {other!r}", *place, other)
     if by == "time":
-        end = _interval(scope, scope.problem.get("final_time")) or FREE
-        start = _interval(scope, scope.problem.get("initial_time", 0)) or FREE
+        end = interval_of(scope, scope.problem.get("final_time")) or FREE
+        start = interval_of(scope, scope.problem.get("initial_time", 0)) or FREE
         if method.get("lookahead") == "end" and end[0] != end[1]:
             detail = (
                 "segments by time look ahead to the end only where the final time is fixed; give a number"
@@ -101,7 +101,7 @@ def _check_segments(scope: Scope, method: dict[str, Any], flaws: Flaws) -> None:
         )
     else:
         ends = [
-            _interval(scope, mapping(scope.problem.get(key)).get(by))
+            interval_of(scope, mapping(scope.problem.get(key)).get(by))
             for key in ("initial_state", "final_state")
         ]
         if not all(_fixed(end) for end in ends) or ends[0] == ends[1]:
@@ -110,13 +110,8 @@ def _check_segments(scope: Scope, method: dict[str, Any], flaws: Flaws) -> None:
 
 
 def _number(scope: Scope, value: Any) -> float | None:
-    interval = _interval(scope, value)
+    interval = interval_of(scope, value)
     return interval[0] if _fixed(interval) and interval is not None else None
-
-
-def _interval(scope: Scope, bound: Any) -> Interval | None:
-    """Return the interval of a bound, free where none is given, None where it cannot be judged."""
-    return FREE if bound is None else check_bound(bound, scope, Flaws())
 
 
 def _fixed(interval: Interval | None) -> bool:

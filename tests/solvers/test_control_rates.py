@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 import pytest
 
+from solvers.derivatives import compile_program
 from solvers.guess import WarmStart
 from solvers.problem import OptimalControlProblem
-from solvers.program import compile_program
 from solvers.sizes import problem_size
 from solvers.solve import solve
 from solvers.spec import check_document

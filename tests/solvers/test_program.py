@@ -10,8 +10,9 @@ import pytest
 
 from solvers.bases.daubechies import DaubechiesBasis
 from solvers.bases.graded import GradedKnots
+from solvers.derivatives import CompiledProgram, compile_program
 from solvers.problem import OptimalControlProblem
-from solvers.program import CompiledProgram, NonlinearProgram, compile_program
+from solvers.program import NonlinearProgram
 from solvers.scaling import automatic_scaling
 from solvers.spec import check_document
 from solvers.transcription.base import Transcription
