@@ -340,12 +340,6 @@ UNSUPPORTED: list[tuple[dict[str, Any], str]] = [
         "/problem/initial_control/T",
     ),
     ({"/problem/final_control": {"T": 0}, "/method/refine": "switching"}, "/problem/final_control/T"),
-    ({"/problem/phases": [{"name": "slew"}], "/method/refine": "switching"}, "/method/refine"),
-    ({"/problem/phases": [{"name": "slew"}], "/output/coast": 1}, "/output/coast"),
-    (
-        {"/problem/phases": [{"name": "slew"}], "/problem/scenarios": {"cases": [{"name": "soft"}]}},
-        "/problem/scenarios",
-    ),
     (
         {
             "/problem/path_constraints": [{"expression": "T", "bounds": 0, "during": [0, 0.5]}],
