@@ -103,7 +103,7 @@ def test_a_long_key_is_not_sent_back_at_length(client: httpx.Client, document: d
 
 def test_what_this_version_does_not_do_is_told_apart(client: httpx.Client, document: dict[str, Any]) -> None:
     document["problem"]["phases"] = [{"name": "slew"}]
-    document["method"] = {"name": "auto"}
+    document["method"] = {"name": "ga"}
     members = problem(client.post("/v1/validate", json=document), 422, "unsupported")
     assert {error["type"] for error in members["errors"]} == {"unsupported"}
 
