@@ -175,5 +175,6 @@ def spacecraft() -> Document:
 @pytest.fixture
 def long_job(spacecraft: Document) -> Document:
     """A document that takes some seconds, in short iterations."""
-    spacecraft["method"] = {"name": "swcm", "J": 10}
+    spacecraft["method"] = {"name": "swcm", "J": 11}
+    spacecraft["options"] = {**spacecraft.get("options", {}), "tolerance": 1e-12}
     return spacecraft
