@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Generic
 
+from solvers.diagnosis import Place, diagnose
 from solvers.first_answer import first_answers
 from solvers.meshes import adaptive_mesh_of, meshes_of
 from solvers.phases.trajectory import AnyTrajectory
@@ -94,6 +95,35 @@ class Improved(Generic[Ended]):
         return verification if self.refinement is None else self.refinement.certified(verification)
 
 
+@dataclass(frozen=True)
+class Reached(Generic[Ended]):
+    """The last answer, the first ``answers`` (best first) and the method that they are by.
+
+    ``diagnosis``: what stands against an answer, where there is none.
+    """
+
+    improved: Improved[Ended]
+    answers: Sequence[Ended]
+    method: Method
+    diagnosis: Sequence[Mapping[str, Any]] = ()
+
+
+def reach(
+    session: Solving[Ended], spec: JobSpec, earlier: AnyTrajectory | None, place: Place
+) -> Reached[Ended]:
+    """All that is done for an answer; ``place``: where things stand in the document.
+
+    Raises whatever the progress of the session raises.
+    """
+    resumed = _resume(session, spec.method, earlier)
+    if resumed is not None:
+        return Reached(resumed, [resumed.solved], first_methods(spec.method)[0])
+    span = _first_span(spec.method)
+    method, answers = _answers_of(session, spec, earlier, span)
+    answers[0], diagnosis = diagnose(session, place, answers[0], meshes_of(method)[-1], span)
+    return Reached(improve(session, spec.method, method, answers[0], span), answers, method, diagnosis)
+
+
 def first_methods(method: Method) -> Sequence[Method]:
     """The methods of the first answer, each for where the one before does not converge.
 
@@ -107,13 +137,13 @@ def first_methods(method: Method) -> Sequence[Method]:
     return [method]
 
 
-def first_span(method: Method) -> float:
+def _first_span(method: Method) -> float:
     """The part of all work that a first answer is taken to be: all of it where it is the last one."""
     more = isinstance(method, AutoMethod) or method.adaptivity is not None or method.refinement is not None
     return _FIRST_SPAN if more else 1.0
 
 
-def answers_of(
+def _answers_of(
     session: Solving[Ended],
     spec: JobSpec,
     earlier: AnyTrajectory | None,
@@ -139,7 +169,7 @@ def answers_of(
     return method, answers
 
 
-def resume(session: Solving[Ended], method: Method, earlier: AnyTrajectory | None) -> Improved[Ended] | None:
+def _resume(session: Solving[Ended], method: Method, earlier: AnyTrajectory | None) -> Improved[Ended] | None:
     """The answer that the structure of an earlier one leads to, where the method asks for a structure.
 
     None where none is asked for or it leads to none. Raises whatever the progress of the session raises.

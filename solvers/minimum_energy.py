@@ -97,7 +97,8 @@ def minimum_energy_start(account: Account, part: Part) -> Start | None:
         iterations=0,
     )
     knots = GradedKnots.uniform(_LENGTH, _LEVEL)
-    solved = rough.solve(SplineWavelet(easier, part.scaling, easier.guess, knots), "start", (0.0, 0.0))
+    transcription = SplineWavelet(easier, part.scaling, easier.guess, knots)
+    solved = rough.solve_parts([transcription], "start", (0.0, 0.0))
     account.iterations += rough.iterations
     if not solved.converged:
         return None

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import time
 from abc import abstractmethod
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, fields, replace
+from functools import partial
 from typing import Any, Generic, Self
 
 import numpy as np
@@ -184,6 +185,11 @@ class Solving(Account, Generic[Ended]):
         """The error (n,) with which a part begins after that at the end of the part before it."""
 
     @abstractmethod
+    def together(
+        self, transcriptions: Sequence[Transcription], optimise: Callable[[Optimisable], Outcome]
+    ) -> Ended:
+        """What comes of the one program of all parts, each on its mesh, when that is optimised."""
+
     def solve_parts(
         self,
         transcriptions: Sequence[Transcription],
@@ -193,7 +199,17 @@ class Solving(Account, Generic[Ended]):
         warm: bool = False,
         obeys: bool = False,
     ) -> Ended:
-        """Solve all parts, each on its mesh; see :meth:`Account.optimise`."""
+        """Solve all parts, each on its mesh; see :meth:`Account.optimise`.
+
+        Where several meet is guessed, however well they obey the model in between: from the low barrier that
+        such starts are good for alone, they shrink to nothing.
+        """
+        obeys = obeys and len(transcriptions) == 1
+        optimise = partial(self.optimise, stage=stage, share=share, warm=warm, obeys=obeys)
+        solved = self.together(transcriptions, optimise)
+        nodes = sum(int(part.trajectory.nodes.size) for part in solved.parts)
+        self.note(nodes, stage, solved.outcome, solved.transcription.objective_scale)
+        return solved
 
 
 @dataclass(kw_only=True)
@@ -231,33 +247,13 @@ class Session(Solving[Solved]):
         """See :class:`Solving`; there is no part before another one."""
         raise IndexError(index)
 
-    def solve_parts(
-        self,
-        transcriptions: Sequence[Transcription],
-        stage: str,
-        share: tuple[float, float] = (0.0, 1.0),
-        *,
-        warm: bool = False,
-        obeys: bool = False,
+    def together(
+        self, transcriptions: Sequence[Transcription], optimise: Callable[[Optimisable], Outcome]
     ) -> Solved:
         """See :class:`Solving`."""
         (transcription,) = transcriptions
-        return self.solve(transcription, stage, share, warm=warm, obeys=obeys)
-
-    def solve(
-        self,
-        transcription: Transcription,
-        stage: str,
-        share: tuple[float, float] = (0.0, 1.0),
-        *,
-        warm: bool = False,
-        obeys: bool = False,
-    ) -> Solved:
-        """Solve one mesh; see :meth:`Account.optimise`."""
-        outcome = self.optimise(transcription, stage, share, warm=warm, obeys=obeys)
-        solved = Solved(transcription, outcome, transcription.trajectory(outcome.unknowns))
-        self.note(int(solved.trajectory.nodes.size), stage, outcome, transcription.objective_scale)
-        return solved
+        outcome = optimise(transcription)
+        return Solved(transcription, outcome, transcription.trajectory(outcome.unknowns))
 
 
 def statistics_of(answer: Stand[Any, Any], account: Account) -> Statistics:

@@ -5,15 +5,13 @@ from __future__ import annotations
 import math
 import time
 from dataclasses import replace
-from typing import Any
 
-from solvers.diagnosis import diagnose, sentence
+from solvers.diagnosis import sentence
 from solvers.elastic import place_in_document
 from solvers.errors import DocumentError, Fault
 from solvers.genetic.solve import solve_by_genes
-from solvers.improve import answers_of, first_methods, first_span, improve, other_structures, resume
+from solvers.improve import other_structures, reach
 from solvers.judgement import judge, verified
-from solvers.meshes import meshes_of
 from solvers.model_report import model_report
 from solvers.optimizers.ipopt import Limits
 from solvers.phases.solution import PhasedSolution
@@ -67,21 +65,13 @@ def solve(
         solution = solve_by_genes(spec, session, spec.method, earlier, formulation)
         session.seconds["total"] = time.perf_counter() - started
         return solution
-    method = first_methods(spec.method)[0]
-    span = first_span(spec.method)
-    diagnosis: list[dict[str, Any]] = []
 
     def place(_: int, pointer: str) -> str:
         return place_in_document(spec.problem, pointer)
 
-    improved = resume(session, spec.method, earlier)
-    if improved is None:
-        method, answers = answers_of(session, spec, earlier, span)
-        answers[0], diagnosis = diagnose(session, place, answers[0], meshes_of(method)[-1], span)
-        improved = improve(session, spec.method, method, answers[0], span)
-    else:
-        answers = [improved.solved]
-    improved, extremals = other_structures(session, improved, spec.options.starts - 1)
+    reached = reach(session, spec, earlier, place)
+    answers, method, diagnosis = reached.answers, reached.method, reached.diagnosis
+    improved, extremals = other_structures(session, reached.improved, spec.options.starts - 1)
     solved = improved.solved
     plants = [
         PlantAnswer(

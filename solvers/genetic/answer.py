@@ -108,7 +108,7 @@ def polish(
 
     def solved_from(begin: Start, *, warm: bool) -> Solved:
         transcription = DaubechiesControls(problem, session.scaling, begin, basis, basis.answer_level)
-        return session.solve(transcription, "polish", share, warm=warm)
+        return session.solve_parts([transcription], "polish", share, warm=warm)
 
     solved = solved_from(start, warm=near)
     if solved.converged or solved.stopped:

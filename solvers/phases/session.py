@@ -2,20 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
 
+from solvers.optimizers.ipopt import Outcome
 from solvers.phases.problem import PhasedProblem, begin_after
 from solvers.phases.trajectory import PhasedTrajectory
 from solvers.phases.transcription import PhasedTranscription
 from solvers.quantities import FREE, Constraint, Integral
 from solvers.scaling import Scaling
 from solvers.session import Part, Solving
-from solvers.solved import Solved, Stand
+from solvers.solved import Optimisable, Solved, Stand
 from solvers.transcription.base import Transcription
 
 Vector = NDArray[np.float64]
@@ -25,9 +27,9 @@ Vector = NDArray[np.float64]
 class PhasedSolved(Stand[PhasedTranscription, PhasedTrajectory]):
     """A flight on its meshes, and what came of it."""
 
-    @property
+    @cached_property
     def parts(self) -> Sequence[Solved]:
-        """See :class:`~solvers.session.Stand`: the transcriptions with their own parts of the outcome."""
+        """See :class:`~solvers.solved.Stand`: the transcriptions with their own parts of the outcome."""
         transcription, outcome = self.transcription, self.outcome
         shares = zip(
             transcription.parts,
@@ -103,24 +105,10 @@ class PhasedSession(Solving[PhasedSolved]):
         begins = [begin_after(link, before, flown, own, after, free) for own in (end, end + error)]
         return begins[1] - begins[0]
 
-    def solve_parts(
-        self,
-        transcriptions: Sequence[Transcription],
-        stage: str,
-        share: tuple[float, float] = (0.0, 1.0),
-        *,
-        warm: bool = False,
-        obeys: bool = False,
+    def together(
+        self, transcriptions: Sequence[Transcription], optimise: Callable[[Optimisable], Outcome]
     ) -> PhasedSolved:
-        """See :class:`~solvers.session.Solving`.
-
-        Where phases meet is guessed, however well they obey the model in between: from the low barrier that
-        such starts are good for alone, phases shrink to nothing.
-        """
-        together = PhasedTranscription(self.problem, transcriptions)
-        obeys = obeys and len(transcriptions) == 1
-        outcome = self.optimise(together, stage, share, warm=warm, obeys=obeys)
-        solved = PhasedSolved(together, outcome, together.trajectory(outcome.unknowns))
-        nodes = sum(int(part.nodes.size) for part in solved.trajectory.parts)
-        self.note(nodes, stage, outcome, together.objective_scale)
-        return solved
+        """See :class:`~solvers.session.Solving`."""
+        joined = PhasedTranscription(self.problem, transcriptions)
+        outcome = optimise(joined)
+        return PhasedSolved(joined, outcome, joined.trajectory(outcome.unknowns))

@@ -11,12 +11,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from solvers.diagnosis import diagnose, sentence
+from solvers.diagnosis import sentence
 from solvers.errors import Fault
 from solvers.evaluation_fault import Where, find_evaluation_fault
-from solvers.improve import Improved, answers_of, first_methods, first_span, improve, resume
+from solvers.improve import Improved, reach
 from solvers.judgement import flown_in_time, judged
-from solvers.meshes import meshes_of
 from solvers.model_report import model_report
 from solvers.optimizers.ipopt import Limits
 from solvers.phases.problem import PhasedProblem, phased_problem
@@ -53,18 +52,8 @@ def solve_phases(
         progress=progress,
     )
     session.seconds["build"] = time.perf_counter() - started
-    method = first_methods(spec.method)[0]
-    diagnosis: list[dict[str, Any]] = []
-    improved = resume(session, spec.method, earlier)
-    if improved is None:
-        span = first_span(spec.method)
-        method, answers = answers_of(session, spec, earlier, span)
-        answers[0], diagnosis = diagnose(
-            session, formulation.problem.place, answers[0], meshes_of(method)[-1], span
-        )
-        improved = improve(session, spec.method, method, answers[0], span)
-    else:
-        answers = [improved.solved]
+    reached = reach(session, spec, earlier, formulation.problem.place)
+    improved, answers, diagnosis = reached.improved, reached.answers, reached.diagnosis
     solved = improved.solved
     plants = [_flown(session, spec, solved, plant) for plant in formulation.plants]
     leading, problem, answer = formulation.plants[0], plants[0].plant.problem, plants[0].trajectory
@@ -101,7 +90,7 @@ def solve_phases(
         objective=solved.objective,
         status=status,
         message=" ".join([message, *sentence(diagnosis), *(item["detail"] for item in warnings)]),
-        method={**method.model_dump(exclude_none=True), **improved.summary},
+        method={**reached.method.model_dump(exclude_none=True), **improved.summary},
         verification=verification,
         model_report=_ends_of(reports),
         model_reports=reports,

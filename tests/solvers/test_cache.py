@@ -57,7 +57,7 @@ def answer(
     settings = {"tolerance": 1e-8, "max_iterations": 500} | options
     limits = Limits(time.monotonic() + 60, lambda: False)
     session = Session(problem=problem, scaling=scaling, **settings, limits=limits, progress=SilentProgress())
-    solved = session.solve(transcription, "solve")
+    solved = session.solve_parts([transcription], "solve")
     return solved.objective, session.iterations
 
 

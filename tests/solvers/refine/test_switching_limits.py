@@ -177,7 +177,9 @@ def test_a_limit_is_left_where_its_multiplier_has_the_wrong_sign() -> None:
         progress=SilentProgress(),
     )
     knots = GradedKnots.uniform(8, 2)
-    start = session.solve(SplineWavelet(problem, session.scaling, problem.guess, knots), "start").trajectory
+    start = session.solve_parts(
+        [SplineWavelet(problem, session.scaling, problem.guess, knots)], "start"
+    ).trajectory
     (limit,) = limits_of(problem)
     rates = limit_rates(problem, limit)
     assert rates is not None

@@ -40,7 +40,7 @@ def solved(document: dict[str, Any], basis: DaubechiesBasis, level: int) -> Solv
         limits=limits,
         progress=SilentProgress(),
     )
-    answer = session.solve(DaubechiesControls(problem, scaling, problem.guess, basis, level), "solve")
+    answer = session.solve_parts([DaubechiesControls(problem, scaling, problem.guess, basis, level)], "solve")
     assert answer.converged
     return answer
 
