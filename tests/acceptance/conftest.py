@@ -173,8 +173,9 @@ def spacecraft() -> Document:
 
 
 @pytest.fixture
-def long_job(spacecraft: Document) -> Document:
+def long_job() -> Document:
     """A document that takes some seconds, in short iterations."""
-    spacecraft["method"] = {"name": "swcm", "J": 11}
-    spacecraft["options"] = {**spacecraft.get("options", {}), "tolerance": 1e-12}
-    return spacecraft
+    document = copy.deepcopy(FLEXIBLE_SPACECRAFT)
+    document["method"] = {"name": "swcm", "J": 11}
+    document["options"]["tolerance"] = 1e-12
+    return document

@@ -49,20 +49,20 @@ def busy(service: httpx.Client, long_job: Document) -> Iterator[list[str]]:
 def test_urgent_jobs_are_started_first_and_the_others_in_between(
     service: httpx.Client, busy: list[str], spacecraft: Document
 ) -> None:
+    waiting = {"low": 4, "normal": 4, "high": 12}
     ids = [
         submit(service, spacecraft, priority=priority, options={"max_iterations": 1})
-        for priority in ("low", "normal", "high")
-        for _ in range(4)
+        for priority, number in waiting.items()
+        for _ in range(number)
     ]
     cancel(service, busy)
     jobs = sorted((final(service, job_id) for job_id in ids), key=lambda job: job["started_at"])
     order = [job["priority"] for job in jobs]
     ranks = {
-        name: sum(rank for rank, each in enumerate(order) if each == name)
-        for name in ("low", "normal", "high")
+        name: [rank for rank, each in enumerate(order) if each == name] for name in ("high", "normal", "low")
     }
-    assert ranks["high"] < ranks["normal"] < ranks["low"]
-    assert "low" in order[:8]
+    assert sum(ranks["high"][:4]) < sum(ranks["normal"]) < sum(ranks["low"])
+    assert ranks["low"][0] < ranks["high"][-1]
 
 
 @pytest.mark.usefixtures("busy")
