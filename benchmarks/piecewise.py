@@ -23,7 +23,7 @@ from typing import Any
 import numpy as np
 
 from solvers.catalogue import load_case
-from solvers.optimizers.ipopt import Limits
+from solvers.optimizers.outcome import Limits
 from solvers.piecewise.messages import First
 from solvers.piecewise.mission import Mission, fly_mission
 from solvers.piecewise.plant import Plant

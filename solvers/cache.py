@@ -13,7 +13,7 @@ from collections.abc import Hashable
 from dataclasses import dataclass
 from typing import Protocol
 
-from solvers.optimizers.ipopt import Ipopt
+from solvers.optimizers.outcome import Optimizer
 
 
 class Builder(Protocol):
@@ -30,7 +30,7 @@ class CompiledStructure:
     """A finished builder and an optimizer on its functions."""
 
     builder: Builder
-    optimizer: Ipopt
+    optimizer: Optimizer
 
 
 class StructureCache:

@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from solvers.errors import pointer
-from solvers.optimizers.ipopt import Outcome
+from solvers.optimizers.outcome import Outcome
 from solvers.program import NonlinearProgram
 from solvers.scenarios import formulate
 from solvers.solved import Solved

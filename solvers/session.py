@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from abc import abstractmethod
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Hashable, Sequence
 from dataclasses import dataclass, field, fields, replace
 from functools import partial
 from typing import Any, Generic, Self
@@ -13,7 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from solvers.cache import STRUCTURES, CompiledStructure
-from solvers.optimizers.ipopt import Ipopt, Iterate, Limits, Outcome
+from solvers.optimizers.ipopt import Ipopt
+from solvers.optimizers.newton import Newton, leaves_no_choice
+from solvers.optimizers.outcome import Iterate, Limits, Optimizer, Outcome
 from solvers.problem import OptimalControlProblem
 from solvers.program import NonlinearProgram
 from solvers.progress import Progress, ProgressReport
@@ -53,9 +55,7 @@ class Account:
     @property
     def stop(self) -> SolveStatus | None:
         """Why to begin nothing new: somebody asked to stop, or the time is over."""
-        if self.progress.cancelled():
-            return SolveStatus.CANCELLED
-        return SolveStatus.TIME_LIMIT if time.monotonic() >= self.limits.deadline else None
+        return self.limits.reached
 
     def optimise(
         self,
@@ -65,13 +65,13 @@ class Account:
         *,
         warm: bool = False,
         obeys: bool = False,
+        decided: bool = False,
     ) -> Outcome:
         """Solve one program. ``share``: the part of all work that it is; ``warm``: it starts near the answer;
-        ``obeys``: from what obeys the model.
+        ``obeys``: from what obeys the model; ``decided``: its equations may leave nothing to choose.
 
         Raises whatever the progress raises.
         """
-        started = time.perf_counter()
 
         def report(iterate: Iterate) -> None:
             done = iterate.iteration / (iterate.iteration + _USUAL_ITERATIONS)
@@ -86,13 +86,33 @@ class Account:
                 )
             )
 
+        if decided:
+            outcome = self._run(transcription, ("newton", self.tolerance), self._newton, report)
+            if outcome is not None and outcome.status is not SolveStatus.DIVERGED:
+                return outcome
         # A key is also told by how the optimizer is set, which is compiled in.
-        key = (transcription.key, self.tolerance, self.max_iterations, warm, obeys, warm and self.barrier)
+        key = self.tolerance, self.max_iterations, warm, obeys, warm and self.barrier
+        outcome = self._run(transcription, key, partial(self._ipopt, warm=warm, obeys=obeys), report)
+        assert outcome is not None
+        return outcome
+
+    def _run(
+        self,
+        transcription: Optimisable,
+        settings: Hashable,
+        optimizer_of: Callable[[NonlinearProgram], Optimizer | None],
+        report: Callable[[Iterate], None],
+    ) -> Outcome | None:
+        """Solve a program by the optimizer of these settings, from before if there is one; None if not."""
+        started = time.perf_counter()
+        key = transcription.key, settings
         known = STRUCTURES.take(key)
         if known is not None:
             transcription.builder = known.builder
         program = transcription.program()
-        optimizer = known.optimizer if known is not None else self._optimizer(program, warm=warm, obeys=obeys)
+        optimizer = known.optimizer if known is not None else optimizer_of(program)
+        if optimizer is None:
+            return None
         outcome = optimizer.minimise(program, self.limits, report)
         STRUCTURES.put(key, CompiledStructure(transcription.builder, optimizer))
         self.iterations += outcome.iterations
@@ -130,7 +150,10 @@ class Account:
         self.next_sketch = now + _SKETCH_EVERY
         return transcription.sketch(iterate.unknowns, _SKETCH_SAMPLES)
 
-    def _optimizer(self, program: NonlinearProgram, *, warm: bool, obeys: bool) -> Ipopt:
+    def _newton(self, program: NonlinearProgram) -> Newton | None:
+        return Newton(program, tolerance=self.tolerance) if leaves_no_choice(program) else None
+
+    def _ipopt(self, program: NonlinearProgram, *, warm: bool, obeys: bool) -> Ipopt:
         return Ipopt(
             program,
             tolerance=self.tolerance,
@@ -198,6 +221,7 @@ class Solving(Account, Generic[Ended]):
         *,
         warm: bool = False,
         obeys: bool = False,
+        decided: bool = False,
     ) -> Ended:
         """Solve all parts, each on its mesh; see :meth:`Account.optimise`.
 
@@ -205,7 +229,7 @@ class Solving(Account, Generic[Ended]):
         such starts are good for alone, they shrink to nothing.
         """
         obeys = obeys and len(transcriptions) == 1
-        optimise = partial(self.optimise, stage=stage, share=share, warm=warm, obeys=obeys)
+        optimise = partial(self.optimise, stage=stage, share=share, warm=warm, obeys=obeys, decided=decided)
         solved = self.together(transcriptions, optimise)
         nodes = sum(int(part.trajectory.nodes.size) for part in solved.parts)
         self.note(nodes, stage, solved.outcome, solved.transcription.objective_scale)
@@ -259,8 +283,14 @@ class Session(Solving[Solved]):
 def statistics_of(answer: Stand[Any, Any], account: Account) -> Statistics:
     """The ``statistics`` of a result: the size of its program, and what all programs took."""
     builder = answer.transcription.builder
+    outcome = answer.outcome
     return Statistics(
-        builder.size, builder.row_count, account.iterations, answer.outcome.solver_status, account.seconds
+        builder.size,
+        builder.row_count,
+        account.iterations,
+        outcome.solver_status,
+        account.seconds,
+        nlp_solver=outcome.solver,
     )
 
 

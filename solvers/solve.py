@@ -13,7 +13,7 @@ from solvers.genetic.solve import solve_by_genes
 from solvers.improve import other_structures, reach
 from solvers.judgement import judge, verified
 from solvers.model_report import model_report
-from solvers.optimizers.ipopt import Limits
+from solvers.optimizers.outcome import Limits
 from solvers.phases.solution import PhasedSolution
 from solvers.phases.solve import solve_phases
 from solvers.phases.trajectory import AnyTrajectory, PhasedTrajectory

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from solvers.certificate import hamiltonian_drift
-from solvers.optimizers.ipopt import Outcome
+from solvers.optimizers.outcome import Outcome
 from solvers.problem import OptimalControlProblem
 from solvers.program import NonlinearProgram
 from solvers.status import SolveStatus

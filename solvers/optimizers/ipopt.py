@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import casadi as ca
@@ -12,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from solvers.derivatives import compile_program
+from solvers.optimizers.outcome import Iterate, Limits, Outcome, violation
 from solvers.program import NonlinearProgram
 from solvers.status import SolveStatus
 
@@ -79,45 +79,6 @@ _STATUS = {
     "Maximum_WallTime_Exceeded": SolveStatus.TIME_LIMIT,
     "Invalid_Number_Detected": SolveStatus.EVALUATION_ERROR,
 }
-
-
-@dataclass(frozen=True)
-class Iterate:
-    """A moment of the optimization, in the scaled quantities of the program; ``unknowns`` (n,)."""
-
-    iteration: int
-    objective: float
-    infeasibility: float
-    unknowns: Vector
-
-
-@dataclass(frozen=True)
-class Outcome:
-    """Where it stopped: ``unknowns`` (n,), ``row_multipliers`` (m,), ``bound_multipliers`` (n,).
-
-    ``number_slopes``: the derivative of the Lagrangian with respect to the numbers of the program.
-    ``iterates`` are the iterations that were watched, from the initial point to the last one, each with its
-    objective and infeasibility.
-    """
-
-    unknowns: Vector
-    objective: float
-    row_multipliers: Vector
-    bound_multipliers: Vector
-    number_slopes: Vector
-    status: SolveStatus
-    solver_status: str
-    iterations: int
-    iterates: Sequence[tuple[int, float, float]]
-    seconds: float
-
-
-@dataclass(frozen=True)
-class Limits:
-    """When to stop: ``deadline`` is of ``time.monotonic()``; ``cancelled`` is asked every iteration."""
-
-    deadline: float
-    cancelled: Callable[[], bool]
 
 
 class Ipopt:
@@ -203,7 +164,7 @@ class Ipopt:
         # Absent where the optimizer has refused the program.
         told = statistics.get("iterations", {"obj": [], "inf_pr": []})
         watched = range(0, count, watcher.step)
-        last = (count, objective, _violation(program, solution["g"].full().ravel()))
+        last = (count, objective, violation(program, solution["g"].full().ravel()))
         return Outcome(
             unknowns=solution["x"].full().ravel(),
             objective=objective,
@@ -222,12 +183,6 @@ def _bounds(program: NonlinearProgram) -> int:
     """How many bounds of unknowns there are, but those of fixed ones."""
     free = program.lower < program.upper
     return int(sum(np.count_nonzero(free & np.isfinite(side)) for side in (program.lower, program.upper)))
-
-
-def _violation(program: NonlinearProgram, rows: Vector) -> float:
-    """The largest violation of a constraint by the values ``rows`` (m,)."""
-    below, above = program.constraint_lower - rows, rows - program.constraint_upper
-    return float(max(0.0, np.max(below, initial=0.0), np.max(above, initial=0.0)))
 
 
 def _ordering(jacobian: ca.Sparsity) -> int:
@@ -282,10 +237,7 @@ class _Watcher(ca.Callback):
         now = time.monotonic()
         if now >= self._next_report:
             self._next_report = now + _REPORT_EVERY
-            objective, violation = float(values[1]), _violation(self._program, values[2].full().ravel())
-            self._report(Iterate(self._iterations, objective, violation, values[0].full().ravel()))
-        if now >= self._limits.deadline:
-            self.stopped_by = SolveStatus.TIME_LIMIT
-        elif self._limits.cancelled():
-            self.stopped_by = SolveStatus.CANCELLED
+            objective, infeasibility = float(values[1]), violation(self._program, values[2].full().ravel())
+            self._report(Iterate(self._iterations, objective, infeasibility, values[0].full().ravel()))
+        self.stopped_by = self._limits.reached
         return self.stopped_by is not None

@@ -17,7 +17,7 @@ from solvers.evaluation_fault import Where, find_evaluation_fault
 from solvers.improve import Improved, reach
 from solvers.judgement import flown_in_time, judged
 from solvers.model_report import model_report
-from solvers.optimizers.ipopt import Limits
+from solvers.optimizers.outcome import Limits
 from solvers.phases.problem import PhasedProblem, phased_problem
 from solvers.phases.scenarios import FlightPlant, formulate_phases
 from solvers.phases.session import PhasedSession, PhasedSolved

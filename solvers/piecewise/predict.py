@@ -15,7 +15,8 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from solvers.optimizers.ipopt import Ipopt, Iterate, Limits, Outcome
+from solvers.optimizers.ipopt import Ipopt
+from solvers.optimizers.outcome import Iterate, Limits, Outcome
 from solvers.piecewise.flow import RunawayError
 from solvers.piecewise.horizon import Horizon
 from solvers.piecewise.mesh import Mesh

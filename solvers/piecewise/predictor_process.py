@@ -6,7 +6,7 @@ import sys
 import time
 
 from solvers.companion import Failure, serve
-from solvers.optimizers.ipopt import Limits
+from solvers.optimizers.outcome import Limits
 from solvers.piecewise.messages import Follow, Request
 from solvers.piecewise.predict import Predictor
 from solvers.piecewise.reference import Reference

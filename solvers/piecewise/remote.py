@@ -7,7 +7,7 @@ from collections.abc import Callable
 from typing import Any, Protocol
 
 from solvers.companion import GLANCE, Companion
-from solvers.optimizers.ipopt import Limits
+from solvers.optimizers.outcome import Limits
 from solvers.piecewise.messages import First, Request
 from solvers.piecewise.predict import Predictor
 from solvers.piecewise.reference import Reference

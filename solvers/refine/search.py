@@ -160,9 +160,11 @@ class Search(Generic[Ended]):
     def _solve(self, arcs: Sequence[Arcs], round_: int) -> Ended:
         programs = [own.program(part) for part, own in zip(self.session.parts, arcs, strict=True)]
         # Without free controls, and with arcs that are there to stay, there is no bound to stay away from:
-        # three steps of Newton's method.
-        self.session.barrier = _NO_BARRIER if all(own.firm for own in arcs) else LOW_BARRIER
-        return self.session.solve_parts(programs, f"switching {round_ + 1}", _share(round_), warm=True)
+        # three steps of Newton's method, and where nothing is left to choose, on the equations alone.
+        firm = all(own.firm for own in arcs)
+        self.session.barrier = _NO_BARRIER if firm else LOW_BARRIER
+        stage = f"switching {round_ + 1}"
+        return self.session.solve_parts(programs, stage, _share(round_), warm=True, decided=firm)
 
     def _keep(self, found: Refined[Ended]) -> None:
         """Keep the better one: of one pattern that of smaller error, else that of the smaller objective.

@@ -12,7 +12,7 @@ import pytest
 
 from solvers.bases.graded import GradedKnots
 from solvers.cache import STRUCTURES, StructureCache
-from solvers.optimizers.ipopt import Limits
+from solvers.optimizers.outcome import Limits
 from solvers.problem import OptimalControlProblem
 from solvers.progress import SilentProgress
 from solvers.scaling import automatic_scaling

@@ -12,7 +12,7 @@ import pytest
 from solvers.diagnosis import diagnose
 from solvers.first_answer import first_answers
 from solvers.meshes import meshes_of
-from solvers.optimizers.ipopt import Limits
+from solvers.optimizers.outcome import Limits
 from solvers.progress import SilentProgress
 from solvers.scaling import automatic_scaling
 from solvers.scenarios import formulate

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from solvers.optimizers.ipopt import Limits
+from solvers.optimizers.outcome import Limits
 from solvers.piecewise.predict import Predictor
 from solvers.piecewise.reference import Reference
 from solvers.piecewise.rehearsal import Rehearsal

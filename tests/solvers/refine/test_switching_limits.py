@@ -13,7 +13,7 @@ from scipy.optimize import brentq
 from solvers.bases.graded import GradedKnots
 from solvers.catalogue import load_case
 from solvers.limits import limits_of
-from solvers.optimizers.ipopt import Limits
+from solvers.optimizers.outcome import Limits
 from solvers.problem import OptimalControlProblem
 from solvers.progress import SilentProgress
 from solvers.refine.search import LOOKS, Search

@@ -15,7 +15,7 @@ from solvers.backends import NUMPY
 from solvers.bases.daubechies import DaubechiesBasis
 from solvers.catalogue import load_case
 from solvers.coefficients import encode
-from solvers.optimizers.ipopt import Limits
+from solvers.optimizers.outcome import Limits
 from solvers.problem import OptimalControlProblem
 from solvers.progress import SilentProgress
 from solvers.scaling import automatic_scaling

@@ -12,7 +12,8 @@ from scipy import sparse
 
 from solvers.bases.graded import GradedKnots
 from solvers.bases.spline_wavelet import SplineWaveletBasis
-from solvers.optimizers.ipopt import Ipopt, Limits, Outcome
+from solvers.optimizers.ipopt import Ipopt
+from solvers.optimizers.outcome import Limits, Outcome
 from solvers.problem import OptimalControlProblem
 from solvers.program import NonlinearProgram
 from solvers.scaling import automatic_scaling
