@@ -73,7 +73,7 @@ def rows(spec: CommandSpec, duration: float) -> int:
 
 def make_command(spec: CommandSpec, legs: Sequence[Leg]) -> Command:
     """The table of an answer, whose ``legs`` have the controls of the document, not their rates."""
-    whole = PhasedTrajectory(tuple(leg.answer for leg in legs))
+    whole = PhasedTrajectory(tuple(leg.answer for leg in legs), tuple(leg.name for leg in legs))
     start = whole.t0 + spec.period * np.arange(rows(spec, whole.tf - whole.t0), dtype=np.float64)
     edges, owners = np.append(start, start[-1] + spec.period), whole.owners(start)
     controls = {}

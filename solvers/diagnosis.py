@@ -10,7 +10,8 @@ import numpy as np
 
 from solvers.elastic import Wish, elastic_problem, wishes_of, wishes_over_all
 from solvers.meshes import Mesh
-from solvers.session import Part, Solving
+from solvers.part import Part
+from solvers.session import Solving
 from solvers.solved import Ended, Stand
 from solvers.status import SolveStatus
 from solvers.trajectory import Trajectory

@@ -11,7 +11,8 @@ from typing import Any
 
 import numpy as np
 
-from solvers.guess import Start, WarmStart
+from solvers.earlier import starts_from
+from solvers.guess import Start
 from solvers.meshes import Mesh
 from solvers.minimum_energy import CubicStart, minimum_energy_start
 from solvers.phases.trajectory import AnyTrajectory
@@ -58,12 +59,7 @@ def _from_earlier(
     """The finest mesh solved from an earlier answer; nothing if there is none or it leads nowhere."""
     if earlier is None:
         return []
-    problems = [part.problem for part in session.parts]
-    starts = [
-        WarmStart(part, problem.guess, problem.states, problem.controls)
-        for part, problem in zip(earlier.parts, problems, strict=True)
-    ]
-    transcriptions = _on(session, meshes[-1], starts)
+    transcriptions = _on(session, meshes[-1], starts_from(earlier, session.parts))
     solved = session.solve_parts(transcriptions, "solve from the earlier job", (0.0, span), warm=True)
     return [solved] if solved.converged or solved.stopped else []
 

@@ -10,10 +10,8 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from solvers.curves import Curve
 from solvers.spec import Guess as GuessSpec
 from solvers.spec import evaluate_constant
-from solvers.trajectory import Trajectory
 
 Vector = NDArray[np.float64]
 Interval = tuple[float, float]
@@ -48,11 +46,38 @@ class Start(Protocol):
         ...
 
 
+class Earlier(Protocol):
+    """An earlier answer, or a piece of it."""
+
+    @property
+    def t0(self) -> float:
+        """Initial time."""
+        ...
+
+    @property
+    def tf(self) -> float:
+        """Final time."""
+        ...
+
+    @property
+    def design(self) -> Mapping[str, float]:
+        """Values of design parameters by name."""
+        ...
+
+    def states_by_name(self, tau: Vector) -> Mapping[str, Vector]:
+        """States at K instants of normalised time by name, (K,) each."""
+        ...
+
+    def controls_by_name(self, tau: Vector) -> Mapping[str, Vector]:
+        """Controls at K instants of normalised time by name, (K,) each."""
+        ...
+
+
 @dataclass(frozen=True)
 class WarmStart:
     """An earlier answer, of any method and mesh; what it does not name is taken from a guess."""
 
-    earlier: Trajectory
+    earlier: Earlier
     guess: Guess
     states: tuple[str, ...]
     controls: tuple[str, ...]
@@ -75,12 +100,12 @@ class WarmStart:
     def states_at(self, tau: Vector) -> Vector:
         """See :class:`Start`."""
         # What is a state here may have been a control there.
-        curves = {**self.earlier.controls, **self.earlier.states}
-        return _named(curves, self.states, self.guess.states_at(tau), tau)
+        known = {**self.earlier.controls_by_name(tau), **self.earlier.states_by_name(tau)}
+        return _named(known, self.states, self.guess.states_at(tau))
 
     def controls_at(self, tau: Vector) -> Vector:
         """See :class:`Start`."""
-        return _named(self.earlier.controls, self.controls, self.guess.controls_at(tau), tau)
+        return _named(self.earlier.controls_by_name(tau), self.controls, self.guess.controls_at(tau))
 
 
 @dataclass(frozen=True)
@@ -161,16 +186,17 @@ def make_guess(
     )
 
 
-def _named(curves: Mapping[str, Curve], names: Sequence[str], otherwise: Vector, tau: Vector) -> Vector:
-    """Curves by name, (n, K); rows of ``otherwise`` for names without a curve.
+def _named(known: Mapping[str, Vector], names: Sequence[str], otherwise: Vector) -> Vector:
+    """Values by name, (n, K); those of ``otherwise`` (n, K) where they are not known.
 
     A state of one of several plants, ``name@case``, may begin as the state of the only plant did.
     """
-    rows = []
-    for name, row in zip(names, otherwise, strict=True):
-        curve = curves.get(name, curves.get(name.partition("@")[0]))
-        rows.append(row if curve is None else curve(tau))
-    return np.array(rows).reshape(-1, tau.size)
+    rows = otherwise.copy()
+    for name, row in zip(names, rows, strict=True):
+        values = known.get(name, known.get(name.partition("@")[0]))
+        if values is not None:
+            np.copyto(row, values, where=~np.isnan(values))
+    return rows
 
 
 def _sample(pieces: Sequence[tuple[Vector, Vector]], tau: Vector) -> Vector:
@@ -221,8 +247,9 @@ def _earlier(
     values = nodes.get("states", {}).get(name, nodes.get("controls", {}).get(name))
     if values is None:
         return None
-    times, numbers = (
-        np.array([evaluate_constant(entry, parameters) for entry in entries])
-        for entries in (nodes["t"], values)
-    )
-    return (times - times[0]) / (times[-1] - times[0]), numbers
+    times = np.array([evaluate_constant(time, parameters) for time in nodes["t"]])
+    having = [index for index, value in enumerate(values) if value is not None]
+    if not having:
+        return None
+    tau = (times - times[0]) / (times[-1] - times[0])
+    return tau[having], np.array([evaluate_constant(values[index], parameters) for index in having])

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from typing import Any, Generic
 
 from solvers.diagnosis import Place, diagnose
+from solvers.earlier import taken_over
 from solvers.first_answer import first_answers
 from solvers.meshes import adaptive_mesh_of, meshes_of
 from solvers.phases.trajectory import AnyTrajectory
@@ -27,6 +28,7 @@ from solvers.spec import (
 )
 from solvers.status import SolveStatus
 from solvers.switching import find_switching
+from solvers.trajectory import Trajectory
 from solvers.verification import Verification
 
 # The highest level to which the automatic choice refines: 500,000 intervals where they are needed.
@@ -176,7 +178,9 @@ def _resume(session: Solving[Ended], method: Method, earlier: AnyTrajectory | No
     """
     if earlier is None or not (isinstance(method, AutoMethod) or method.refinement is not None):
         return None
-    refinement = resume_switching(session, earlier)
+    pieces = taken_over(earlier, session.parts)
+    whole = [piece for piece in pieces if isinstance(piece, Trajectory)]
+    refinement = resume_switching(session, whole) if len(whole) == len(pieces) else None
     return None if refinement is None else Improved(refinement.solved, refinement=refinement)
 
 
@@ -214,7 +218,7 @@ def other_structures(
     extremals = other_extremals(session, refined, count)
     better = next((item for item in extremals if item.obeys_signs), None)
     if better is not None and better.objective < improved.solved.objective:
-        found = resume_switching(session, better.found.solved.trajectory)
+        found = resume_switching(session, better.found.solved.trajectory.parts)
         if found is not None and found.solved.objective < improved.solved.objective:
             improved = replace(improved, solved=found.solved, refinement=found)
     return improved, extremals

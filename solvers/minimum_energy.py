@@ -26,10 +26,11 @@ from scipy.interpolate import CubicHermiteSpline
 from solvers.bases.graded import GradedKnots
 from solvers.expressions import named, parse, product, total
 from solvers.guess import WHOLE, Guess, Start, WarmStart
+from solvers.part import Part
 from solvers.problem import OptimalControlProblem
 from solvers.quantities import FREE
 from solvers.scaling import Scaling
-from solvers.session import Account, Part
+from solvers.session import Account
 from solvers.transcription.spline_wavelet import SplineWavelet
 
 Vector = NDArray[np.float64]

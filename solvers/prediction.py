@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from solvers.curves import Curve, LagrangeCurve
+from solvers.phases.trajectory import AnyTrajectory, PhasedTrajectory
 from solvers.trajectory import Trajectory
 
 Vector = NDArray[np.float64]
@@ -22,12 +23,24 @@ Shapes = dict[str, tuple[int, ...]]
 _FAR = 16.0
 
 
-def predicted(places: Sequence[float], answers: Sequence[Trajectory], at: float) -> Trajectory | None:
+def predicted(places: Sequence[float], answers: Sequence[AnyTrajectory], at: float) -> AnyTrajectory | None:
     """The trajectory ``at`` a place on the polynomial through ``answers`` at other ``places``, nearest first.
 
-    Switches move along. None where the answers are not polynomials on as many segments each, where the place
-    is too far from theirs, or where two switches would pass each other.
+    Switches move along, and the times at which phases meet. None where the answers have other phases or are
+    not polynomials on as many segments each, where the place is too far from theirs, or where two switches
+    would pass each other.
     """
+    nearest = answers[0]
+    if any(answer.names != nearest.names for answer in answers):
+        return None
+    parts = [_predicted(places, own, at) for own in zip(*(answer.parts for answer in answers), strict=True)]
+    found = tuple(part for part in parts if part is not None)
+    if len(found) < len(parts):
+        return None
+    return replace(nearest, parts=found) if isinstance(nearest, PhasedTrajectory) else found[0]
+
+
+def _predicted(places: Sequence[float], answers: Sequence[Trajectory], at: float) -> Trajectory | None:
     weights, nearest = _weights(np.array(places), at), answers[0]
     shapes = [(_shapes(answer.states), _shapes(answer.controls), answer.nodes.size) for answer in answers]
     if None in shapes[0] or any(other != shapes[0] for other in shapes) or np.abs(weights).sum() > _FAR:

@@ -16,6 +16,7 @@ from solvers.cache import STRUCTURES, CompiledStructure
 from solvers.optimizers.ipopt import Ipopt
 from solvers.optimizers.newton import Newton, leaves_no_choice
 from solvers.optimizers.outcome import Iterate, Limits, Optimizer, Outcome
+from solvers.part import Part
 from solvers.problem import OptimalControlProblem
 from solvers.program import NonlinearProgram
 from solvers.progress import Progress, ProgressReport
@@ -162,14 +163,6 @@ class Account:
             obeys=obeys,
             barrier=self.barrier if warm else None,
         )
-
-
-@dataclass(frozen=True)
-class Part:
-    """A problem with its scales: that of a phase, or all there is where there are none."""
-
-    problem: OptimalControlProblem
-    scaling: Scaling
 
 
 @dataclass(kw_only=True)

@@ -7,6 +7,7 @@ import time
 from dataclasses import replace
 
 from solvers.diagnosis import sentence
+from solvers.earlier import other_phases
 from solvers.elastic import place_in_document
 from solvers.errors import DocumentError, Fault
 from solvers.genetic.solve import solve_by_genes
@@ -16,7 +17,7 @@ from solvers.model_report import model_report
 from solvers.optimizers.outcome import Limits
 from solvers.phases.solution import PhasedSolution
 from solvers.phases.solve import solve_phases
-from solvers.phases.trajectory import AnyTrajectory, PhasedTrajectory
+from solvers.phases.trajectory import AnyTrajectory
 from solvers.piecewise.solve import solve_piecewise
 from solvers.problem import OptimalControlProblem
 from solvers.progress import Progress, SilentProgress
@@ -41,17 +42,15 @@ def solve(
     ``earlier`` is the answer of the job that the document names in ``warm_start``; ``seconds`` is the time
     there is, where that is less than the document's ``max_seconds``. Never raises for a
     numerical failure: the last iterate comes back with its status. Raises DocumentError if ``warm_start`` is
-    given without an ``earlier`` answer of the same kind, and what ``progress`` raises.
+    given without an ``earlier`` answer, and what ``progress`` raises.
     """
     if spec.warm_start is not None and earlier is None:
         detail = "there is no earlier job to start from here; guess.from_result takes the nodes of a result"
         raise DocumentError([Fault("/warm_start", detail)])
     if spec.problem.phases:
         return solve_phases(
-            spec, progress or SilentProgress(), min(spec.options.max_seconds, seconds), _phased(spec, earlier)
+            spec, progress or SilentProgress(), min(spec.options.max_seconds, seconds), earlier
         )
-    if isinstance(earlier, PhasedTrajectory):
-        raise _another_kind("the earlier job flew phases, and there are none here")
     if isinstance(spec.method, PiecewiseMethod):
         return solve_piecewise(spec, progress or SilentProgress(), min(spec.options.max_seconds, seconds))
     started = time.perf_counter()
@@ -96,7 +95,11 @@ def solve(
         problem, solved.transcription.integrals(solved.outcome.unknowns), verification.integrals
     )
     one_plant = spec.problem.scenarios is None
-    warnings = [*tables_that_end(problem, trajectory), *improved.warnings]
+    warnings = [
+        *other_phases(spec, earlier, session.parts),
+        *tables_that_end(problem, trajectory),
+        *improved.warnings,
+    ]
     slopes = sensitivity(spec.problem, solved) if solved.converged and one_plant else None
     session.seconds["total"] = time.perf_counter() - started
     return Solution(
@@ -124,21 +127,6 @@ def solve(
         diagnosis=diagnosis,
         statistics=statistics_of(solved, session),
     )
-
-
-def _phased(spec: JobSpec, earlier: AnyTrajectory | None) -> PhasedTrajectory | None:
-    """An earlier answer, which must have as many phases."""
-    if earlier is None:
-        return None
-    wanted = len(spec.problem.phases)
-    if isinstance(earlier, PhasedTrajectory) and len(earlier.parts) == wanted:
-        return earlier
-    count = len(earlier.parts) if isinstance(earlier, PhasedTrajectory) else 0
-    raise _another_kind(f"the earlier job flew {count} phases, and here are {wanted}")
-
-
-def _another_kind(detail: str) -> DocumentError:
-    return DocumentError([Fault("/warm_start", detail)])
 
 
 def _session(spec: JobSpec, problem: OptimalControlProblem, progress: Progress, seconds: float) -> Session:

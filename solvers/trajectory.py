@@ -46,6 +46,11 @@ class Trajectory:
         return (self,)
 
     @property
+    def names(self) -> tuple[str, ...]:
+        """The names of the phases: it is none."""
+        return ("",)
+
+    @property
     def duration(self) -> float:
         """tf - t0."""
         return self.tf - self.t0
@@ -79,6 +84,14 @@ class Trajectory:
     def controls_at(self, tau: Vector) -> Vector:
         """Controls, (m, K)."""
         return np.array([curve(tau) for curve in self.controls.values()]).reshape(-1, tau.size)
+
+    def states_by_name(self, tau: Vector) -> dict[str, Vector]:
+        """States by name, (K,) each."""
+        return {name: curve(tau) for name, curve in self.states.items()}
+
+    def controls_by_name(self, tau: Vector) -> dict[str, Vector]:
+        """Controls by name, (K,) each."""
+        return {name: curve(tau) for name, curve in self.controls.items()}
 
     def rates_at(self, tau: Vector) -> Vector:
         """Time derivatives of the states, (n, K)."""

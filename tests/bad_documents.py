@@ -338,8 +338,8 @@ def _limits() -> Iterator[BadDocument]:
 
 
 def _unsupported() -> Iterator[BadDocument]:
-    document = changed("/problem/phases", [{"name": "first"}]) | {"warm_start": "an earlier job"}
-    yield BadDocument("unsupported: phases", _json(document), "/warm_start", "unsupported")
+    document = changed("/problem/phases", [{"name": "first"}]) | {"method": {"name": "ga"}}
+    yield BadDocument("unsupported: phases", _json(document), "/method/name", "unsupported")
 
 
 def _genetic() -> Iterator[BadDocument]:

@@ -13,7 +13,6 @@ from typing import Any
 
 from solvers.phases.trajectory import AnyTrajectory, trajectory_of
 from solvers.prediction import predicted
-from solvers.trajectory import Trajectory
 from worker.records import SweepPlace
 from worker.store import JobStore
 from worker.sweeps import SweepStore
@@ -77,7 +76,7 @@ def _start(known: Sequence[tuple[Place, AnyTrajectory]], at: Place) -> AnyTrajec
     row = {
         other[axis]: answer
         for other, answer in reversed(known)
-        if isinstance(answer, Trajectory) and _distance(other, at) == (other[axis] - at[axis]) ** 2 > 0.0
+        if _distance(other, at) == (other[axis] - at[axis]) ** 2 > 0.0
     }
     places = sorted(row, key=lambda own: abs(own - at[axis]))[:_ROW]
     for count in range(len(places), 1, -1):

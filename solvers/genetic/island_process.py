@@ -11,10 +11,10 @@ from solvers.genetic.record import Recorder
 from solvers.genetic.run import Order, run
 from solvers.genetic.stage import Stage, Stages
 from solvers.optimizers.genetic import Generation
+from solvers.phases.trajectory import AnyTrajectory
 from solvers.scaling import automatic_scaling
 from solvers.scenarios import formulate
 from solvers.spec import GeneticMethod, check_document
-from solvers.trajectory import Trajectory
 
 _TELL_EVERY = 0.1  # seconds
 
@@ -30,7 +30,7 @@ def main(descriptor: int) -> None:
         connection.send(Failure(f"{type(error).__name__}: {error}"))
 
 
-def _prepared(document: object, earlier: Trajectory | None) -> tuple[Stage, GeneticMethod]:
+def _prepared(document: object, earlier: AnyTrajectory | None) -> tuple[Stage, GeneticMethod]:
     spec = check_document(document)
     assert isinstance(spec.method, GeneticMethod)
     problem = formulate(spec.problem, spec.verification_tolerances()["terminal_error"]).simulated

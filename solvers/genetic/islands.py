@@ -10,7 +10,7 @@ from typing import Any, Self
 from solvers.companion import GLANCE, Companion
 from solvers.genetic.record import Record
 from solvers.genetic.run import Order
-from solvers.trajectory import Trajectory
+from solvers.phases.trajectory import AnyTrajectory
 
 
 class Islands:
@@ -19,7 +19,7 @@ class Islands:
     ``records``: what they have told about every run that was ordered, by its number.
     """
 
-    def __init__(self, document: dict[str, Any], earlier: Trajectory | None, count: int) -> None:
+    def __init__(self, document: dict[str, Any], earlier: AnyTrajectory | None, count: int) -> None:
         self._message, self._count = (document, earlier), count
         self._open = ExitStack()
         self._busy: dict[Connection, int | None] = {}

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from solvers.certificate import hamiltonian_drift
 from solvers.diagnosis import diagnose, sentence
+from solvers.earlier import other_phases
 from solvers.elastic import place_in_document
 from solvers.first_answer import first_answers
 from solvers.genetic.answer import Simulation, end_error, fly, polish, scale_of
@@ -24,6 +25,7 @@ from solvers.improve import Improved, first_methods, improve
 from solvers.judgement import judge, verified
 from solvers.meshes import meshes_of
 from solvers.model_report import model_report
+from solvers.phases.trajectory import AnyTrajectory
 from solvers.plants import Plant
 from solvers.refine.residual import mesh_error_estimate
 from solvers.report import constraint_margins
@@ -73,7 +75,7 @@ def solve_by_genes(
     spec: JobSpec,
     session: Session,
     method: GeneticMethod,
-    earlier: Trajectory | None,
+    earlier: AnyTrajectory | None,
     formulation: Formulation,
 ) -> Solution:
     """Solve a checked document whose method is genetic, and verify the answer.
@@ -107,7 +109,11 @@ def solve_by_genes(
         spec, leading.problem, trajectory, answer.status, verification, sentences, others=plants[1:]
     )
     integrals = leading.integrals(problem, answer.integrals, verification.integrals)
-    warnings = [*_warnings(search, answer), *([] if improved is None else improved.warnings)]
+    warnings = [
+        *other_phases(spec, earlier, session.parts),
+        *_warnings(search, answer),
+        *([] if improved is None else improved.warnings),
+    ]
     costates = _no_costates(answer.trajectory) if answer.costates is None else answer.costates
     return Solution(
         spec=spec,
@@ -138,7 +144,9 @@ def solve_by_genes(
     )
 
 
-def _searched(spec: JobSpec, session: Session, method: GeneticMethod, earlier: Trajectory | None) -> Search:
+def _searched(
+    spec: JobSpec, session: Session, method: GeneticMethod, earlier: AnyTrajectory | None
+) -> Search:
     """A search that has come to its end; where more follows, it leaves time for that."""
     started, now = time.perf_counter(), time.monotonic()
     left = session.limits.deadline - now
@@ -162,7 +170,7 @@ def cores() -> int:
 
 
 def _islands(
-    spec: JobSpec, method: GeneticMethod, earlier: Trajectory | None
+    spec: JobSpec, method: GeneticMethod, earlier: AnyTrajectory | None
 ) -> Callable[[], Islands] | None:
     """What makes the processes of the runs; None where one after the other is as good.
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
+from solvers.earlier import starts_from
 from solvers.genetic.basis import basis_of
 from solvers.genetic.coordinates import Coordinates
 from solvers.genetic.fitness import Fitness
@@ -12,11 +13,12 @@ from solvers.genetic.genome import Genome
 from solvers.genetic.model import ArrayModel
 from solvers.genetic.quadrature import QuadratureSimulator
 from solvers.genetic.simulators import simulator_of
-from solvers.guess import Start, WarmStart
+from solvers.guess import Start
+from solvers.part import Part
+from solvers.phases.trajectory import AnyTrajectory
 from solvers.problem import OptimalControlProblem
 from solvers.scaling import Scaling
 from solvers.spec import GeneticMethod
-from solvers.trajectory import Trajectory
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,11 +45,10 @@ class Stages:
         problem: OptimalControlProblem,
         scaling: Scaling,
         method: GeneticMethod,
-        earlier: Trajectory | None,
+        earlier: AnyTrajectory | None,
     ) -> Stages:
         """Those of a problem; they start from its guess, or from an ``earlier`` answer."""
-        guess = problem.guess
-        start = guess if earlier is None else WarmStart(earlier, guess, problem.states, problem.controls)
+        (start,) = [problem.guess] if earlier is None else starts_from(earlier, [Part(problem, scaling)])
         return cls(ArrayModel(problem), scaling, method, start)
 
     def at(self, levels: int, pause: Callable[[], None] = lambda: None) -> Stage:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import replace
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -13,6 +14,8 @@ from solvers.problem import OptimalControlProblem
 from solvers.quantities import Interval
 from solvers.spec import ProblemSpec, evaluate_constant, fields_of, inside, written_out
 
+_GROUPS = "states", "controls"
+
 Begin = Callable[[int, Any], Mapping[str, float]]
 """States with which a phase begins, from its index and the end (x, u, t) of the phase before."""
 
@@ -20,23 +23,32 @@ Begin = Callable[[int, Any], Mapping[str, float]]
 def phase_times(
     spec: ProblemSpec, fields: Sequence[Mapping[str, Any]], interval: Callable[[Any, Any], Interval]
 ) -> list[Interval]:
-    """Begin and end of every phase in the guess: as given, else fixed, else evenly between those known."""
+    """Begin and end of every phase in the guess: as given, else fixed, else as in an earlier result.
+
+    Else evenly between those known.
+    """
     stops = [interval(item["final_time"], item["model"]) for item in fields]
     start = inside(interval(spec.initial_time, spec.submitted_model))
     known = [start, *(_known_end(item, stop) for item, stop in zip(fields, stops, strict=True))]
-    if known[-1] is None:
-        parameters = spec.model.parameter_values()
+    parameters = spec.model.parameter_values()
+    last = known[-1]
+    if last is None:
         given = spec.guess.final_time
         if given is None and spec.guess.from_result is not None:
             given = spec.guess.from_result["t"][-1]
         # The last phase begins when the one before may have ended.
         earlier = [*known[:-1], *(lower for lower, _ in stops[:-1])]
         begin = max(value for value in earlier if value is not None)
-        known[-1] = (
+        known[-1] = last = (
             default_final_time((max(stops[-1][0], begin), stops[-1][1]), begin)
             if given is None
             else evaluate_constant(given, parameters)
         )
+    parts = nodes_by_phase(spec, len(stops))
+    edges = [nodes["t"][0] for nodes in parts] + [parts[-1]["t"][-1]] if parts else []
+    for index, time in enumerate(_stretched(edges, (start, last), parameters)):
+        if known[index] is None:
+            known[index] = float(np.clip(time, *stops[index - 1]))
     fixed = {index: value for index, value in enumerate(known) if value is not None}
     ends = np.interp(np.arange(len(known)), [*fixed], [*fixed.values()])
     for index, stop in enumerate(stops, 1):
@@ -45,26 +57,59 @@ def phase_times(
     return list(zip(ends[:-1].tolist(), ends[1:].tolist(), strict=True))
 
 
-def histories(spec: ProblemSpec, span: Interval) -> dict[str, dict[str, Any]]:
-    """What the document guesses of the whole flight, between these times, with times for each history."""
+def nodes_by_phase(spec: ProblemSpec, count: int) -> list[dict[str, Any]]:
+    """The nodes of a result phase by phase, with what each has; none unless it had so many phases."""
+    nodes = spec.guess.from_result
+    if nodes is None:
+        return []
+    times = [evaluate_constant(time, spec.model.parameter_values()) for time in nodes["t"]]
+    edges = [0, *(i for i in range(1, len(times)) if times[i] == times[i - 1]), len(times)]
+    if len(edges) != count + 1:
+        return []
+    return [
+        {
+            "t": nodes["t"][begin:end],
+            **{
+                group: {
+                    name: values[begin:end]
+                    for name, values in nodes.get(group, {}).items()
+                    if values and values[begin] is not None
+                }
+                for group in _GROUPS
+            },
+        }
+        for begin, end in pairwise(edges)
+    ]
+
+
+def histories(spec: ProblemSpec, span: Interval, count: int) -> dict[str, dict[str, Any]]:
+    """What the document guesses of the whole flight, between these times, with times for each history.
+
+    Without the nodes of a result that had as many phases (``count``): each of these begins from its own.
+    """
     guess, parameters = spec.guess, spec.model.parameter_values()
-    nodes = guess.from_result or {}
+    nodes = {} if nodes_by_phase(spec, count) else guess.from_result or {}
+    times = _stretched(nodes.get("t", []), span, parameters)
     found: dict[str, dict[str, Any]] = {}
-    for group in ("states", "controls"):
+    for group in _GROUPS:
         found[group] = {
-            name: {"times": _stretched(nodes["t"], span, parameters), "values": values}
+            name: {
+                "times": [times[i] for i in having],
+                "values": [values[i] for i in having],
+            }
             for name, values in nodes.get(group, {}).items()
+            if (having := [i for i, value in enumerate(values) if value is not None])
         }
         for name in getattr(guess, group):
-            times, values = guess.history(name, parameters) or (None, [])
+            own, values = guess.history(name, parameters) or (None, [])
             evenly = np.linspace(*span, len(values)).tolist()
-            found[group][name] = {"times": evenly if times is None else times, "values": values}
+            found[group][name] = {"times": evenly if own is None else own, "values": values}
     return found
 
 
 def _stretched(times: Sequence[Any], span: Interval, parameters: dict[str, float]) -> list[float]:
     own = np.array([evaluate_constant(time, parameters) for time in times])
-    return list(np.interp(own, own[[0, -1]], span))
+    return list(np.interp(own, own[[0, -1]], span)) if times else []
 
 
 def _known_end(fields: Mapping[str, Any], stop: Interval) -> float | None:

@@ -22,7 +22,7 @@ from solvers.elastic import place_in_document
 from solvers.errors import pointer
 from solvers.expressions import Expression, named, parse, total
 from solvers.lifting import corners, lifted, with_peak
-from solvers.phases.guess import chained_guesses, histories, phase_times
+from solvers.phases.guess import chained_guesses, histories, nodes_by_phase, phase_times
 from solvers.plants import Plant
 from solvers.problem import End, OptimalControlProblem, Parameters, Values, at_the_ends, names_of
 from solvers.quantities import FREE, Constraint, Integral, Interval
@@ -220,9 +220,10 @@ def flight_of(spec: ProblemSpec) -> PhasedProblem:
     views = phase_views(outer)
     fields = list(phase_fields(views, _interval))
     times = phase_times(spec, fields, _interval)
-    common = histories(spec, (times[0][0], times[-1][1]))
+    common = histories(spec, (times[0][0], times[-1][1]), len(views))
+    earlier = dict(enumerate(nodes_by_phase(spec, len(views))))
     phases = tuple(
-        _phase(spec, view, {**item, "guess": _guess(view, common, pair)}, pair)
+        _phase(spec, view, {**item, "guess": _guess(view, common, earlier.get(view.index), pair)}, pair)
         for view, item, pair in zip(views, fields, times, strict=True)
     )
     jumps = {link.after: link.jump for link in spec.links}
@@ -301,13 +302,23 @@ def _begin(problem: PhasedProblem, index: int, end: End) -> Mapping[str, float]:
     return {name: float(value) for name, value in values.items() if np.isfinite(value)}
 
 
-def _guess(view: PhaseView, common: Mapping[str, Mapping[str, Any]], times: Interval) -> Guess:
-    """What a phase says of where it starts, and of its own names what is said of the whole flight."""
+def _guess(
+    view: PhaseView,
+    common: Mapping[str, Mapping[str, Any]],
+    earlier: Mapping[str, Any] | None,
+    times: Interval,
+) -> Guess:
+    """What a phase says of where it starts, and of its own names what is said of the whole flight.
+
+    ``earlier``: the nodes of the phase in a result.
+    """
     own: Guess = view.phase.get("guess") or Guess()
-    if not view.has_own_model and own.from_result is None:
-        own = own.changed(
-            states={**common["states"], **own.states}, controls={**common["controls"], **own.controls}
-        )
+    if own.from_result is None:
+        if not view.has_own_model:
+            own = own.changed(
+                states={**common["states"], **own.states}, controls={**common["controls"], **own.controls}
+            )
+        own = own.changed(from_result=earlier)
     return own.changed(final_time=times[1])
 
 

@@ -11,12 +11,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from solvers.optimizers.outcome import Outcome
+from solvers.part import Part
 from solvers.phases.problem import PhasedProblem, begin_after
 from solvers.phases.trajectory import PhasedTrajectory
 from solvers.phases.transcription import PhasedTranscription
 from solvers.quantities import FREE, Constraint, Integral
 from solvers.scaling import Scaling
-from solvers.session import Part, Solving
+from solvers.session import Solving
 from solvers.solved import Optimisable, Solved, Stand
 from solvers.transcription.base import Transcription
 
@@ -60,7 +61,7 @@ class PhasedSession(Solving[PhasedSolved]):
     def parts(self) -> Sequence[Part]:
         """See :class:`~solvers.session.Solving`."""
         pairs = zip(self.problem.phases, self.scaling, strict=True)
-        return [Part(phase.problem, scaling) for phase, scaling in pairs]
+        return [Part(phase.problem, scaling, phase.name) for phase, scaling in pairs]
 
     @property
     def joints(self) -> int:

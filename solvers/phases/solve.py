@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from solvers.diagnosis import sentence
+from solvers.earlier import other_phases
 from solvers.errors import Fault
 from solvers.evaluation_fault import Where, find_evaluation_fault
 from solvers.improve import Improved, reach
@@ -23,7 +24,7 @@ from solvers.phases.scenarios import FlightPlant, formulate_phases
 from solvers.phases.session import PhasedSession, PhasedSolved
 from solvers.phases.solution import FlightAnswer, PhasedSolution
 from solvers.phases.switching import joined_switching
-from solvers.phases.trajectory import PhasedTrajectory
+from solvers.phases.trajectory import AnyTrajectory, PhasedTrajectory
 from solvers.phases.verify import flight_scope, totals, verify_phases
 from solvers.progress import Progress
 from solvers.report import constraint_margins, margins_of, merged_margins, said_of_the_ends
@@ -38,7 +39,7 @@ Vector = NDArray[np.float64]
 
 
 def solve_phases(
-    spec: JobSpec, progress: Progress, seconds: float, earlier: PhasedTrajectory | None = None
+    spec: JobSpec, progress: Progress, seconds: float, earlier: AnyTrajectory | None = None
 ) -> PhasedSolution:
     """Solve a checked document with phases and verify the answer; see :func:`solvers.solve.solve`."""
     started = time.perf_counter()
@@ -75,7 +76,7 @@ def solve_phases(
     ]
     pairs = zip(problem.phases, answer.parts, strict=True)
     ended = [item for phase, part in pairs for item in tables_that_end(phase.plant.problem, part)]
-    warnings = [*ended, *improved.warnings]
+    warnings = [*other_phases(spec, earlier, session.parts), *ended, *improved.warnings]
     one_plant = spec.problem.scenarios is None
     sensitivity = _sensitivity(spec.problem, problem, solved) if solved.converged and one_plant else None
     session.seconds["total"] = time.perf_counter() - started

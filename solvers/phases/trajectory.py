@@ -22,9 +22,10 @@ _ROUNDING = 1e-9
 
 @dataclass(frozen=True)
 class PhasedTrajectory:
-    """Trajectories of K phases, the next one beginning when the one before ends."""
+    """Trajectories of K phases with their names, the next one beginning when the one before ends."""
 
     parts: tuple[Trajectory, ...]
+    names: tuple[str, ...]
 
     @property
     def t0(self) -> float:
@@ -101,7 +102,7 @@ class PhasedTrajectory:
                 "design": phase["design"],
             }
             parts.append(Trajectory.from_result(alone))
-        return cls(tuple(parts))
+        return cls(tuple(parts), tuple(phase["name"] for phase in result["phases"]))
 
 
 def _nothing(part: Trajectory) -> dict[str, Any]:

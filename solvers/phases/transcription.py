@@ -100,7 +100,10 @@ class PhasedTranscription:
     def trajectory(self, scaled: Vector) -> PhasedTrajectory:
         """The trajectory of a (scaled) solution of the program."""
         pairs = zip(self.parts, self.shares(scaled), strict=True)
-        return PhasedTrajectory(tuple(part.trajectory(own) for part, own in pairs))
+        return PhasedTrajectory(
+            tuple(part.trajectory(own) for part, own in pairs),
+            tuple(phase.name for phase in self.problem.phases),
+        )
 
     def sketch(self, scaled: Vector, samples: int) -> dict[str, Any]:
         """The trajectory of (scaled) unknowns on a grid of so many samples."""

@@ -9,12 +9,12 @@ from typing import Generic
 import numpy as np
 from numpy.typing import NDArray
 
+from solvers.part import Part
 from solvers.problem import OptimalControlProblem
 from solvers.refine.mesh import ArcMesh, first_mesh
 from solvers.refine.residual import arc_errors
 from solvers.refine.signs import next_structure
 from solvers.refine.structure import Structure
-from solvers.session import Part
 from solvers.solved import Ended, Solved
 from solvers.trajectory import Trajectory
 from solvers.transcription.multi_arc import MultiArc

@@ -16,7 +16,7 @@ from typing import Any, Generic
 import numpy as np
 
 from solvers.limits import limits_of
-from solvers.phases.trajectory import AnyTrajectory
+from solvers.part import Part
 from solvers.problem import OptimalControlProblem
 from solvers.quantities import WHOLE_SPAN
 from solvers.refine.arcs import DRIFT, Refined
@@ -32,7 +32,7 @@ from solvers.refine.search import (
     structures_of,
 )
 from solvers.refine.structure import Structure
-from solvers.session import Part, Solving
+from solvers.session import Solving
 from solvers.solved import Ended, Stand
 from solvers.trajectory import Trajectory
 from solvers.verification import Check, Verification
@@ -102,18 +102,18 @@ def refine_switching(session: Solving[Ended], first: Ended) -> Refinement[Ended]
     return _judged(first, search, reason)
 
 
-def resume_switching(session: Solving[Ended], earlier: AnyTrajectory) -> Refinement[Ended] | None:
-    """The refined answer to which the structure of an earlier one leads; None where it leads to none.
+def resume_switching(session: Solving[Ended], earlier: Sequence[Trajectory]) -> Refinement[Ended] | None:
+    """The refined answer to which the structures of earlier parts lead; None where they lead to none.
 
     Signs, bounds and errors are judged as ever, so that a structure that has changed is seen. Raises whatever
     the progress of the session raises.
     """
     problems = [part.problem for part in session.parts]
-    names = [(tuple(part.states), tuple(part.controls)) for part in earlier.parts]
+    names = [(tuple(part.states), tuple(part.controls)) for part in earlier]
     if not is_refinable(session.parts) or names != [(own.states, own.controls) for own in problems]:
         return None
     search, reason = _searched(
-        session, earlier.parts, lambda: list(map(find_structure, problems, earlier.parts)), looks=LOOKS
+        session, earlier, lambda: list(map(find_structure, problems, earlier)), looks=LOOKS
     )
     best = search.best
     if best is None or best.error > ACCEPTABLE or search.stopped is not None:

@@ -56,8 +56,10 @@ class HistoryTable(Check):
         return {"type": "object", "additionalProperties": {"anyOf": [values, timed]}}
 
 
-def check_values(value: Any, scope: Scope, flaws: Flaws, *path: str | int) -> list[float | None]:
-    """Check a list of 1 to 8,195 values; return what they are worth."""
+def check_values(
+    value: Any, scope: Scope, flaws: Flaws, *path: str | int, gaps: bool = False
+) -> list[float | None]:
+    """Check a list of 1 to 8,195 values, or nulls where there may be ``gaps``; return what they are worth."""
     if not isinstance(value, list):
         flaws.add(f"must be a list of values, not {kind_of(value)}", *path)
     elif not value:
@@ -65,18 +67,28 @@ def check_values(value: Any, scope: Scope, flaws: Flaws, *path: str | int) -> li
     elif len(value) > MAX_GUESS:
         flaws.add(f"limit: a guess has at most {MAX_GUESS:,} values, not {len(value):,}", *path, type="limit")
     else:
-        return [check_constant(item, scope, flaws, *path, i) for i, item in enumerate(value)]
+        return [
+            None if item is None and gaps else check_constant(item, scope, flaws, *path, i)
+            for i, item in enumerate(value)
+        ]
     return []
 
 
-def check_times(value: Any, scope: Scope, flaws: Flaws, *path: str | int) -> None:
-    """Check a list of ascending times."""
-    times = check_values(value, scope, flaws, *path)
+def check_times(value: Any, scope: Scope, flaws: Flaws, *path: str | int, meetings: bool = False) -> bool:
+    """Check a list of ascending times; return whether phases meet among them.
+
+    Where there may be ``meetings`` a time stands twice in a row, between others.
+    """
+    times, met = check_values(value, scope, flaws, *path), False
     for i in range(1, len(times)):
         before, after = times[i - 1], times[i]
-        if before is not None and after is not None and after <= before:
+        if before is None or after is None or after > before:
+            continue
+        if not (meetings and after == before and 1 < i < len(times) - 1 and times[i - 2] != before):
             flaws.add(f"times ascend, but {after:g} comes after {before:g}", *path, i)
-            return
+            break
+        met = True
+    return met
 
 
 class TimeList(Check):
@@ -96,19 +108,27 @@ class TimeList(Check):
 
 
 class ResultNodes(Check):
-    """The ``nodes`` of a result: ``t`` and, over it, states and controls; what else they hold is not read."""
+    """The ``nodes`` of a result: ``t`` and, over it, states and controls; what else they hold is not read.
+
+    Where phases meet a time stands twice, and what a phase does not have is null there.
+    """
 
     def check(self, value: Any, scope: Scope) -> dict[str, Any]:
         """Return the nodes as submitted."""
+        from solvers.spec.phases import flown_scopes  # which knows every object of a phase, this one too
+
         nodes, flaws = object_of(value), Flaws()
         times = nodes.get("t")
         if not isinstance(times, list) or len(times) < 2:
             raise refuse("must be the 'nodes' of a result: its list 't' of two times or more is missing")
-        check_times(times, scope, flaws, "t")
-        rates = tuple(f"{name}_dot" for name in scope.rated)
+        met = check_times(times, scope, flaws, "t", meetings=True)
+        scopes = flown_scopes(scope)
         for group, names in (
-            ("states", scope.states + scope.rated),
-            ("controls", scope.controls + rates),
+            ("states", [name for own in scopes for name in own.states + own.rated]),
+            (
+                "controls",
+                [name for own in scopes for name in (*own.controls, *(f"{rate}_dot" for rate in own.rated))],
+            ),
         ):
             table = nodes.get(group, {})
             if not isinstance(table, dict):
@@ -117,7 +137,7 @@ class ResultNodes(Check):
             for name, values in table.items():
                 if scope.known and name not in names:
                     flaws.add(unknown_key(name, group[:-1], names, scope), group, name)
-                elif len(check_values(values, scope, flaws, group, name)) not in (0, len(times)):
+                elif len(check_values(values, scope, flaws, group, name, gaps=met)) not in (0, len(times)):
                     flaws.add(f"{len(times)} times for {len(values)} values", group, name)
         flaws.raise_any()
         return nodes

@@ -121,8 +121,6 @@ def _not_done(document: Mapping[str, Any]) -> Iterator[tuple[Path, str]]:
                     yield place, "the worst of several plants and a cost at the end of a phase or of its peak"
     if mapping(problem.get("objective")).get("maximum") is not None:
         yield ("problem", "objective", "maximum"), "a maximum over the whole flight (that of a phase is done)"
-    if document.get("warm_start") is not None:
-        yield ("warm_start",), "'warm_start'"
 
 
 def _interval(bound: Any, model: Any) -> Interval | None:

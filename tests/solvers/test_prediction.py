@@ -1,8 +1,11 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from solvers.bases.legendre import legendre_gauss
 from solvers.curves import LagrangeCurve
+from solvers.phases.trajectory import PhasedTrajectory
 from solvers.prediction import predicted
 from solvers.trajectory import Trajectory
 
@@ -38,6 +41,24 @@ def test_three_answers_predict_what_is_a_parabola() -> None:
     tau = np.linspace(0.0, 1.0, 77)
     for curve, true in ((found.states["x"], truth.states["x"]), (found.controls["u"], truth.controls["u"])):
         assert curve(tau) == pytest.approx(true(tau), abs=1e-11)
+
+
+def test_phases_are_predicted_one_by_one() -> None:
+    """And when they meet, which moves as a parabola too."""
+
+    def flight(p: float, *names: str) -> PhasedTrajectory:
+        first, second = answer(p), replace(answer(p), t0=3.0 - p + 2.0 * p**2, tf=9.0 + p**2)
+        return PhasedTrajectory((first, second), names)
+
+    places = [0.4, 0.2, 0.1]
+    found = predicted(places, [flight(p, "a", "b") for p in places], 0.55)
+    assert isinstance(found, PhasedTrajectory)
+    assert found.names == ("a", "b")
+    assert found.edges == pytest.approx([0.0, 3.0 - 0.55 + 2.0 * 0.55**2, 9.0 + 0.55**2], abs=1e-12)
+    assert found.parts[1].states["x"](SUPPORT) == pytest.approx(answer(0.55).states["x"](SUPPORT), abs=1e-11)
+    others = [flight(p, *names) for p, names in ((0.2, ("a", "b")), (0.1, ("b", "a")))]
+    assert predicted([0.2, 0.1], others, 0.3) is None
+    assert predicted([0.2, 0.1], [others[0], answer(0.1)], 0.3) is None
 
 
 def test_what_is_not_alike_or_far_predicts_nothing() -> None:

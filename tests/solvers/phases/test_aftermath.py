@@ -15,7 +15,6 @@ from scipy.integrate import solve_ivp
 
 from solvers.aftermath import asked_for
 from solvers.phases.solution import PhasedSolution
-from solvers.phases.trajectory import PhasedTrajectory
 from solvers.solve import solve
 from solvers.spec import check_document
 from tests.solvers.conftest import INTEGRATOR
@@ -146,7 +145,7 @@ def test_an_iterate_whose_phases_do_not_follow_each_other_has_no_table() -> None
     assert isinstance(solution, PhasedSolution)
     first, last = solution.trajectory.parts
     for time in (2.0, 2.5, np.nan):
-        crossed = PhasedTrajectory((replace(first, tf=time), replace(last, t0=time)))
+        crossed = replace(solution.trajectory, parts=(replace(first, tf=time), replace(last, t0=time)))
         found, warnings = asked_for(spec, [crossed])
         assert found["command"] is None
         assert [item["pointer"] for item in warnings] == ["/output/command"]

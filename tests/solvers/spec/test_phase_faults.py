@@ -132,7 +132,6 @@ def test_every_mistake_is_reported_at_once() -> None:
             "/problem/phases/0/objective/terminal",
         ),
         ({"objective": {"maximum": "u"}}, "/problem/objective/maximum"),
-        ({"warm_start": "x"}, "/warm_start"),
     ],
 )
 def test_what_is_not_done_yet(changes: dict[str, Any], pointer: str) -> None:
