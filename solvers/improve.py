@@ -14,6 +14,7 @@ from solvers.phases.trajectory import AnyTrajectory
 from solvers.refine.adaptive import Adapted, adapt
 from solvers.refine.extremals import Extremal, other_extremals
 from solvers.refine.residual import mesh_error_estimate
+from solvers.refine.search import ACCEPTABLE
 from solvers.refine.switching import Refinement, is_refinable, refine_switching, resume_switching
 from solvers.session import Session, Solving
 from solvers.solved import Ended, Solved
@@ -37,6 +38,8 @@ _SECOND_CHOICE_INTERVALS = 40
 _FIRST_SPAN = 0.5
 # After so many iterations another method is tried, where there is one: the cases take a tenth of them.
 _FIRST_ITERATIONS = 300
+# Of the accuracy asked for, what a structure may come to: it is estimated, and verified later.
+_SAFE_PART = 0.8
 _NO_END = SolveStatus.ITERATION_LIMIT, SolveStatus.DIVERGED
 
 
@@ -243,7 +246,8 @@ def _automatically(
     """
     exact = None
     if is_refinable(session.parts):
-        refinement = refine_switching(session, first)
+        acceptable = max(ACCEPTABLE, _SAFE_PART * method.accuracy)
+        refinement = refine_switching(session, first, acceptable)
         exact = Improved(refinement.solved, refinement=refinement)
         refined = refinement.refined
         if refinement.solved.stopped or (refined is not None and refined.outside <= method.accuracy):

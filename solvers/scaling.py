@@ -16,6 +16,9 @@ Vector = NDArray[np.float64]
 
 # Below this a scale that comes from the ends is not believed.
 _SMALL = 1.0 / 8.0
+# Where nothing is said of a size it is taken for 1, unless the model says that this is off by more than this
+# factor, as velocities and forces in SI units are.
+_FAR = 1024.0
 
 
 @dataclass(frozen=True)
@@ -51,7 +54,8 @@ def automatic_scaling(problem: OptimalControlProblem) -> Scaling:
     """Take each magnitude from two-sided bounds, else from ends and guess; 1 where all of these are zero.
 
     Small ends say little of how far a state moves between them: such a state gets what the model can move it
-    in the time of the guess, up to 1.
+    in the time of the guess, up to 1. Where nothing but zeros is said of a state or a control, the model
+    decides whether 1 is a magnitude that it may have at all.
 
     Powers of two: they add no rounding, and problems that differ a little are scaled alike.
     """
@@ -63,6 +67,7 @@ def automatic_scaling(problem: OptimalControlProblem) -> Scaling:
         [_typical(bounds, row) for bounds, row in zip(problem.control_bounds, controls, strict=True)]
     )
     scales = _within_reach(problem, given, control_scales)
+    control_scales = _moving(problem, scales, control_scales)
     return Scaling(
         states=scales,
         controls=control_scales,
@@ -114,9 +119,10 @@ def _within_reach(problem: OptimalControlProblem, scales: Vector, controls: Vect
     """Raise small scales of states without two-sided bounds to what the model can move them, up to 1."""
     bounded = np.isfinite(problem.state_bounds).all(axis=1)
     unsure = (scales < _SMALL) & ~bounded
-    if not unsure.any():
-        return scales
     guess, tau = problem.guess, np.array([0.0, 0.5, 1.0])
+    unknown = ~bounded & ~np.any(guess.states_at(tau), axis=1)
+    if not (unsure | unknown).any():
+        return scales
     states = np.tile(guess.states_at(tau), 2)
     bounds = np.array(problem.control_bounds, np.float64).reshape(-1, 2)
     middle = guess.controls_at(tau)
@@ -133,9 +139,31 @@ def _within_reach(problem: OptimalControlProblem, scales: Vector, controls: Vect
         with np.errstate(all="ignore"):
             rates = problem.rate(states + shift * scales[:, None], extremes, times, parameters, NUMPY)
         reach = (guess.tf - guess.t0) * np.array([np.max(np.abs(rate)) for rate in rates])
-        floor = np.minimum(1.0, np.nan_to_num(reach, posinf=0.0))
-        scales = np.where(unsure, np.maximum(scales, [nearest_power_of_two(size) for size in floor]), scales)
+        reach = np.nan_to_num(reach, posinf=0.0)
+        floor = np.where(unknown & (reach > _FAR), reach, np.where(unsure, np.minimum(1.0, reach), 0.0))
+        scales = np.maximum(
+            scales, np.where(floor > 0.0, [nearest_power_of_two(size) for size in floor], 0.0)
+        )
     return scales
+
+
+def _moving(problem: OptimalControlProblem, states: Vector, controls: Vector) -> Vector:
+    """Controls of which nothing is said: as much as moves a state by its scale in the time of the guess."""
+    guess, middle, found = problem.guess, np.array([0.5]), controls.copy()
+    levels = guess.controls_at(middle)
+    bounded = np.isfinite(np.array(problem.control_bounds, np.float64).reshape(-1, 2)).all(axis=1)
+    for index in np.flatnonzero(~bounded & ~levels[:, 0].astype(bool)):
+        moved = np.repeat(levels, 2, axis=1)
+        moved[index] = controls[index] * np.array([1.0, -1.0])
+        parameters, time = {**problem.parameters, **guess.design}, guess.t0 + 0.5 * (guess.tf - guess.t0)
+        at = np.repeat(guess.states_at(middle), 2, axis=1)
+        with np.errstate(all="ignore"):
+            rates = problem.rate(at, moved, np.full(2, time), parameters, NUMPY)
+            slopes = np.array([np.ptp(np.broadcast_to(rate, 2)) for rate in rates]) / (2.0 * controls[index])
+            most = float(np.max(np.nan_to_num(slopes * (guess.tf - guess.t0) / states, posinf=0.0)))
+        if most > 0.0 and not 1.0 / _FAR <= most * controls[index] <= _FAR:
+            found[index] = nearest_power_of_two(1.0 / most)
+    return found
 
 
 def _inertial(problem: OptimalControlProblem, scales: Vector) -> Vector:

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from solvers.backends import NUMPY
+from solvers.boundary import End, boundary_violation
 from solvers.flight import INSIDE, ControlledModel, FlightError
 from solvers.problem import OptimalControlProblem
 from solvers.trajectory import Trajectory
@@ -62,6 +63,7 @@ def verify(
     tau = dense(trajectory.breakpoints)
     states, controls = trajectory.states_at(tau), trajectory.controls_at(tau)
     scale = scale_of(states)
+    sizes = scale, scale_of(controls)
     model = ControlledModel(problem, trajectory, scale, deadline)
     evidence = _fly(problem, trajectory, model, begin)
     terminal_error, state_error = (
@@ -69,19 +71,24 @@ def verify(
     )
     bounds = max(
         scaled_violation(states, np.array(problem.state_bounds), scale),
-        scaled_violation(controls, model.bounds, scale_of(controls)),
+        scaled_violation(controls, model.bounds, sizes[1]),
     )
     scope = problem.scope(
         states, model.clipped(tau), trajectory.time(tau), problem.parameters_of(trajectory), NUMPY
     )
     path = largest_violation(problem.path, scope, tau)
-    ends_scope = _ends_scope(problem, trajectory, model, evidence)
     start = trajectory.states_at(np.zeros(1))
+    both = _ends(trajectory, model, evidence)
+    integrals = np.zeros(len(problem.integrals)) if evidence.integrals is None else evidence.integrals[1:]
+
+    def ends_scope(initial: Any, final: Any, integrals: Any) -> dict[str, Any]:
+        return problem.ends_scope(initial, final, problem.parameters_of(trajectory), NUMPY, integrals)
+
     ends = max(
         scaled_violation(start, np.array(problem.initial_state), scale),
-        scaled_violation(controls[:, [0]], np.array(problem.initial_control), scale_of(controls)),
-        scaled_violation(controls[:, [-1]], np.array(problem.final_control), scale_of(controls)),
-        largest_violation(problem.boundary, ends_scope),
+        scaled_violation(controls[:, [0]], np.array(problem.initial_control), sizes[1]),
+        scaled_violation(controls[:, [-1]], np.array(problem.final_control), sizes[1]),
+        boundary_violation(problem.boundary, both, (sizes, sizes), integrals, ends_scope),
         _integral_violation(problem, evidence),
     )
     checks = [
@@ -97,7 +104,7 @@ def verify(
         max_state_error=state_error,
         max_bound_violation=bounds,
         max_path_violation=path,
-        objective=_objective(problem, evidence, ends_scope, scope),
+        objective=_objective(problem, evidence, ends_scope(*both, integrals), scope),
         integrals={}
         if evidence.integrals is None
         else {
@@ -162,19 +169,12 @@ def _integral_violation(problem: OptimalControlProblem, evidence: _Evidence) -> 
     return scaled_violation(values, np.array([item.interval for item in problem.integrals]), scale_of(values))
 
 
-def _ends_scope(
-    problem: OptimalControlProblem, trajectory: Trajectory, model: ControlledModel, evidence: _Evidence
-) -> dict[str, Any]:
+def _ends(trajectory: Trajectory, model: ControlledModel, evidence: _Evidence) -> tuple[End, End]:
+    """States, controls and time at both ends, as flown."""
     edges = np.array([0.0, 1.0])
     controls, states = model.clipped(edges), trajectory.states_at(edges)
     final = states[:, 1] if evidence.ends is None else evidence.ends
-    return problem.ends_scope(
-        (states[:, 0], controls[:, 0], trajectory.t0),
-        (final, controls[:, 1], trajectory.tf),
-        problem.parameters_of(trajectory),
-        NUMPY,
-        np.zeros(len(problem.integrals)) if evidence.integrals is None else evidence.integrals[1:],
-    )
+    return (states[:, 0], controls[:, 0], trajectory.t0), (final, controls[:, 1], trajectory.tf)
 
 
 def _objective(

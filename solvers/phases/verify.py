@@ -8,18 +8,20 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from solvers.backends import NUMPY
+from solvers.boundary import End, Scales, boundary_violation
 from solvers.phases.problem import PhasedProblem, begin_after
 from solvers.phases.trajectory import PhasedTrajectory
 from solvers.trajectory import Trajectory
 from solvers.verification import Check, StateReport, Tolerances, Verification
 from solvers.verify import verify
-from solvers.violations import dense, largest_violation, scale_of, scaled_violation
+from solvers.violations import dense, scale_of, scaled_violation
 
 Vector = NDArray[np.float64]
 
@@ -43,7 +45,13 @@ def verify_phases(
     gaps = [_gap(problem, answer, index) for index in range(1, len(parts))]
     scope = flight_scope(problem, answer, parts)
     checks = [*_worst_checks(parts), Check(_LINK, max(gaps, default=0.0), tolerances.terminal_error)]
-    checks = [_with_flight(check, problem, scope) if check.name == "ends" else check for check in checks]
+    whole = _whole_flight(problem, answer, parts)
+    checks = [
+        replace(check, value=max(check.value, whole))
+        if check.name == "ends" and check.value is not None
+        else check
+        for check in checks
+    ]
     return Verification(
         terminal_error=_worst([part.terminal_error for part in parts]),
         max_state_error=_worst([part.max_state_error for part in parts]),
@@ -93,16 +101,24 @@ def flight_scope(
     problem: PhasedProblem, answer: PhasedTrajectory, parts: Sequence[Verification]
 ) -> dict[str, Any]:
     """Name both ends of the whole flight and its integrals; ``parts`` are the verifications of the phases."""
-    first, last = answer.parts[0], answer.parts[-1]
+    return _scope(problem, answer, *_ends(answer, parts), _totals(problem, parts))
+
+
+def _scope(
+    problem: PhasedProblem, answer: PhasedTrajectory, initial: Any, final: Any, integrals: Any
+) -> dict[str, Any]:
+    last = problem.phases[-1].plant.problem.parameters_of(answer.parts[-1])
+    parameters = {**problem.parameters, **answer.design}, last
+    return problem.ends_scope(initial, final, parameters, NUMPY, integrals)
+
+
+def _totals(problem: PhasedProblem, parts: Sequence[Verification]) -> Vector:
     sums = totals([part.integrals for part in parts])
-    end = parts[-1].end
-    return problem.ends_scope(
-        _end(first, 0.0, None),
-        _end(last, 1.0, end),
-        ({**problem.parameters, **answer.design}, problem.phases[-1].plant.problem.parameters_of(last)),
-        NUMPY,
-        np.array([sums.get(item.name, np.nan) for item in problem.totals]),
-    )
+    return np.array([sums.get(item.name, np.nan) for item in problem.totals])
+
+
+def _ends(answer: PhasedTrajectory, parts: Sequence[Verification]) -> tuple[End, End]:
+    return _end(answer.parts[0], 0.0, None), _end(answer.parts[-1], 1.0, parts[-1].end)
 
 
 def _end(trajectory: Trajectory, tau: float, flown: Vector | None) -> tuple[Vector, Vector, float]:
@@ -119,14 +135,20 @@ def _worst_checks(parts: Sequence[Verification]) -> Iterator[Check]:
             yield replace(check, value=_worst([own.value for own in same]))
 
 
-def _with_flight(check: Check, problem: PhasedProblem, scope: Mapping[str, Any]) -> Check:
-    """The check of the ends with what the document says of the whole flight."""
-    if check.value is None:
-        return check
-    values = np.array([[scope[item.name]] for item in problem.totals], np.float64).reshape(-1, 1)
+def _whole_flight(problem: PhasedProblem, answer: PhasedTrajectory, parts: Sequence[Verification]) -> float:
+    """The largest violation of what the document says of the whole flight."""
+    sums = _totals(problem, parts)
     bounds = np.array([item.interval for item in problem.totals])
-    own = [largest_violation(problem.boundary, scope), scaled_violation(values, bounds, scale_of(values))]
-    return replace(check, value=max(check.value, *own))
+    first, last = (_scales(part) for part in (answer.parts[0], answer.parts[-1]))
+    ends = boundary_violation(
+        problem.boundary, _ends(answer, parts), (first, last), sums, partial(_scope, problem, answer)
+    )
+    return max(ends, scaled_violation(sums[:, None], bounds, scale_of(sums[:, None])))
+
+
+def _scales(part: Trajectory) -> Scales:
+    tau = dense(part.breakpoints)
+    return scale_of(part.states_at(tau)), scale_of(part.controls_at(tau))
 
 
 def _objective(

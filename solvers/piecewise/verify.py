@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
 from solvers.backends import NUMPY
+from solvers.boundary import End, boundary_violation
 from solvers.piecewise.pieces import Pieces
 from solvers.piecewise.plan import actuator_limits
 from solvers.piecewise.plant import Plant
@@ -22,7 +23,7 @@ from solvers.problem import OptimalControlProblem
 from solvers.spec import PiecewiseMethod
 from solvers.trajectory import Trajectory
 from solvers.verification import Check, StateReport, Tolerances, Verification
-from solvers.violations import SMALLEST_SCALE, dense, largest_violation, scaled_violation
+from solvers.violations import SMALLEST_SCALE, dense, largest_violation, scale_of, scaled_violation
 
 Vector = NDArray[np.float64]
 
@@ -99,15 +100,21 @@ def _missed_end(plant: Plant, trajectory: Trajectory, scale: Vector) -> float:
     problem = plant.problem
     end = trajectory.states_at(np.array([1.0]))
     final = scaled_violation(end, np.array(problem.final_state), scale)
-    return max(final, largest_violation(problem.boundary, ends_of(problem, trajectory)))
+    sizes = scale, scale_of(trajectory.controls_at(dense(trajectory.breakpoints)))
+
+    def scope(initial: Any, last: Any, integrals: Any) -> dict[str, Any]:
+        return problem.ends_scope(initial, last, problem.parameters, NUMPY, integrals)
+
+    none = np.zeros(len(problem.integrals))
+    return max(final, boundary_violation(problem.boundary, _ends(trajectory), (sizes, sizes), none, scope))
 
 
-def ends_of(problem: OptimalControlProblem, trajectory: Trajectory) -> dict[str, Any]:
-    """Both ends of a trajectory as expressions there know them."""
+def _ends(trajectory: Trajectory) -> tuple[End, End]:
+    """States, controls and time at both ends."""
     edges = np.array([0.0, 1.0])
     states, controls = trajectory.states_at(edges), trajectory.controls_at(edges)
     first, last = zip(states.T, controls.T, (trajectory.t0, trajectory.tf), strict=True)
-    return problem.ends_scope(first, last, problem.parameters, NUMPY)
+    return first, last
 
 
 def terminal_cost(problem: OptimalControlProblem, trajectory: Trajectory) -> float:
@@ -115,7 +122,8 @@ def terminal_cost(problem: OptimalControlProblem, trajectory: Trajectory) -> flo
     if problem.terminal_cost is None:
         return 0.0
     with np.errstate(all="ignore"):
-        return float(problem.terminal_cost.evaluate(ends_of(problem, trajectory), NUMPY.functions))
+        scope = problem.ends_scope(*_ends(trajectory), problem.parameters, NUMPY)
+        return float(problem.terminal_cost.evaluate(scope, NUMPY.functions))
 
 
 def _rest_of_cost(problem: OptimalControlProblem, trajectory: Trajectory, start: float) -> float:

@@ -149,6 +149,10 @@ class Refined(Generic[Ended]):
         """The largest of what more nodes are for."""
         return max(float(part.wants.max()) for part in self.parts)
 
+    def good_within(self, tolerance: float) -> bool:
+        """Whether states, bounds and path constraints are within a tolerance between nodes."""
+        return max(self.error, self.outside) <= tolerance
+
     @property
     def wrong_sign(self) -> float:
         """The largest wrong value of a switching function."""

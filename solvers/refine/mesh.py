@@ -24,7 +24,9 @@ Vector = NDArray[np.float64]
 MOST_NODES = 40
 """The most nodes of a segment."""
 
-_FEWEST_NODES = 8
+# A control that no bound and no limit decides hardly matters where it is singular, and goes far astray where
+# its nodes are few.
+_FEWEST_NODES, _FEWEST_UNDECIDED = 8, 12
 # The most nodes of a segment of the first mesh: the blocks of longer ones cost more than another segment.
 _FIRST_NODES = 20
 # Numbers of nodes are multiples of this: problems that differ a little get the same mesh.
@@ -94,12 +96,13 @@ def first_mesh(problem: OptimalControlProblem, trajectory: Trajectory, structure
     free = np.isnan([*structure.pinned.values()]).any(axis=0)
     reaches = 0.5 * fastest * lengths * trajectory.duration * np.where(free, _HARMONICS[1], _HARMONICS[0])
     parts, counts = [], []
-    for reach in reaches:
+    fewest = np.where(structure.decided_arcs, _FEWEST_NODES, _FEWEST_UNDECIDED)
+    for reach, least in zip(reaches, fewest.tolist(), strict=True):
         segments = 1
         while (count := _nodes_for(reach / segments)) > _FIRST_NODES and segments < _MOST_SEGMENTS:
             segments += 1
         parts.append(tuple(np.linspace(0.0, 1.0, segments + 1).tolist()))
-        counts.append((min(count, MOST_NODES),) * segments)
+        counts.append((min(max(count, least), MOST_NODES),) * segments)
     return ArcMesh(tuple(parts), tuple(counts))
 
 

@@ -61,18 +61,22 @@ class Pace:
     nodes: float = np.inf
     wants: float = np.inf
 
-    def helps(self, nodes: int, wants: float) -> bool:
-        """Whether to go on after this many nodes, which leave this much to be wanted."""
-        if wants <= self.wants / _PATIENCE:
+    def helps(self, nodes: int, wants: float, *, good: bool = False) -> bool:
+        """Whether to go on after this many nodes, which leave this much to be wanted.
+
+        From what is ``good`` enough, every single step has to help.
+        """
+        helped = wants <= self.wants / _PATIENCE
+        if helped:
             self.nodes, self.wants = nodes, wants
-        return nodes <= _PATIENCE * self.nodes
+        return helped if good else nodes <= _PATIENCE * self.nodes
 
 
 @dataclass
 class Search(Generic[Ended]):
     """Goes from structure to structure; keeps the patterns that it has tried and the best that it found.
 
-    ``start``: a trajectory for each part.
+    ``start``: a trajectory for each part; ``acceptable``: what the error between nodes may be at most.
     """
 
     session: Solving[Ended]
@@ -81,6 +85,7 @@ class Search(Generic[Ended]):
     best: Refined[Ended] | None = None
     stopped: SolveStatus | None = None
     looks: int = 0
+    acceptable: float = ACCEPTABLE
 
     def run(self, structures: Sequence[Structure]) -> str:
         """Search from ``structures``, one for each part; returns why it ended."""
@@ -122,10 +127,11 @@ class Search(Generic[Ended]):
                 settled, found = True, self.best
             if found.wants <= TOLERANCE:
                 return "done"
-            if pace.helps(found.nodes, found.wants):
+            good = self.best is not None and self.best.good_within(self.acceptable)
+            if pace.helps(found.nodes, found.wants, good=good):
                 arcs = [part.finer for part in found.parts]
                 continue
-            closer = self._look_closer(arcs, round_) if found.error > ACCEPTABLE else None
+            closer = None if good or found.error <= self.acceptable else self._look_closer(arcs, round_)
             if closer is None:
                 return "more nodes do not help"
             arcs, settled, pace = closer, False, Pace()
@@ -175,7 +181,7 @@ class Search(Generic[Ended]):
         if best is None or best.pattern == found.pattern:
             better = best is None or found.wants < best.wants
         else:
-            ranks = [(item.error > ACCEPTABLE, item.solved.objective) for item in (found, best)]
+            ranks = [(item.error > self.acceptable, item.solved.objective) for item in (found, best)]
             better = ranks[0] < ranks[1]
         if better:
             self.best = found
@@ -214,4 +220,5 @@ def _too_few_arcs(session: Solving[Any], arcs: Sequence[Arcs]) -> bool:
         held += [item.interval[0] == item.interval[1] for item in problem.integrals]
         unknown += own.structure.arcs - 1 + sum(free)
         conditions += sum(held) + own.structure.entry_conditions
+        conditions += sum(len(item.parted) for item in own.structure.follows(problem, own.start))
     return unknown < conditions

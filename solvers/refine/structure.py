@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Hashable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from itertools import pairwise
+from itertools import pairwise, product
 from typing import Any
 
 import numpy as np
@@ -80,8 +80,13 @@ class Structure:
     @property
     def is_decided(self) -> bool:
         """Whether every control rests on a bound or is decided by a limit that is followed, everywhere."""
-        free = np.isnan([*self.pinned.values()]).sum(axis=0)
-        return bool(np.all(free <= sum(self.followed.values(), np.zeros(self.arcs, int))))
+        return bool(self.decided_arcs.all())
+
+    @property
+    def decided_arcs(self) -> Flags:
+        """The arcs on which every control rests on a bound or is decided by a limit that is followed."""
+        free = np.isnan([*self.pinned.values()]).reshape(-1, self.arcs).sum(axis=0)
+        return np.asarray(free <= sum(self.followed.values(), np.zeros(self.arcs, int)))
 
     @property
     def entry_conditions(self) -> int:
@@ -106,7 +111,44 @@ class Structure:
             )
             idle = self._idle(problem, trajectory, limit)
             if arcs or touched or idle:
-                found.append(Follow(limit, rates, arcs, touched, idle))
+                parted = self._parted(problem, trajectory, limit)
+                found.append(Follow(limit, rates, arcs, touched, idle, parted))
+        return tuple(found)
+
+    def _parted(
+        self, problem: OptimalControlProblem, trajectory: Trajectory, limit: Limit
+    ) -> tuple[tuple[int, int], ...]:
+        """The arcs that follow a limit and the sides on which the control rests on a bound through the limit.
+
+        With S <= 0 and S = ... = S^(q-1) = 0 at an edge, S^(q) must not be positive behind it, nor
+        (-1)^q S^(q) before it.
+        """
+        rates, flags = self.rates[limit], self.followed.get(limit, np.zeros(self.arcs, bool))
+        if len(rates.controls) != 1:
+            return ()
+        (control,) = rates.controls
+        lower, upper = problem.control_bounds[control]
+        pinned, found = self.pinned[problem.controls[control]], []
+        for arc, side in product(np.flatnonzero(flags).tolist(), (0, 1)):
+            other = arc + 2 * side - 1
+            if not 0 <= other < self.arcs or flags[other] or np.isnan(pinned[other]) or lower == upper:
+                continue
+            at = self.edges[[arc + side]]
+            controls = np.repeat(trajectory.controls_at(at), 2, axis=1)
+            resting = pinned[other]
+            controls[control] = [resting, resting + (1.0 if resting == lower else -1.0)]
+            values = rates.along(
+                problem.parameters_of(trajectory),
+                np.repeat(trajectory.states_at(at), 2, axis=1),
+                controls,
+                np.repeat(trajectory.time(at), 2),
+            )
+            rise = values[-1, 0] - values[-1, 1]
+            outward = rise if limit.upper else -rise
+            if side == 0 and rates.order % 2:
+                outward = -outward
+            if outward > 0.0:
+                found.append((arc, side))
         return tuple(found)
 
     def _idle(self, problem: OptimalControlProblem, trajectory: Trajectory, limit: Limit) -> tuple[int, ...]:

@@ -92,13 +92,16 @@ def _has_arcs(problem: OptimalControlProblem) -> bool:
     return not np.isfinite(ends).any() and all(item.during == WHOLE_SPAN for item in problem.path)
 
 
-def refine_switching(session: Solving[Ended], first: Ended) -> Refinement[Ended]:
+def refine_switching(
+    session: Solving[Ended], first: Ended, acceptable: float = ACCEPTABLE
+) -> Refinement[Ended]:
     """Find the structure of a converged answer and solve for its switching times.
 
-    Raises whatever the progress of the session raises.
+    ``acceptable``: what the error of the states between nodes may be at most, relative to scales. Raises
+    whatever the progress of the session raises.
     """
     start = [part.trajectory for part in first.parts]
-    search, reason = _searched(session, start, lambda: structures_of(first))
+    search, reason = _searched(session, start, lambda: structures_of(first), acceptable=acceptable)
     return _judged(first, search, reason)
 
 
@@ -135,6 +138,7 @@ def _searched(
     start: Sequence[Trajectory],
     structures: Callable[[], Sequence[Structure]],
     looks: int = 0,
+    acceptable: float = ACCEPTABLE,
 ) -> tuple[Search[Ended], str]:
     """A search that has come to its end, and why it did; ``looks``: how many of its closer looks are gone."""
     started = time.perf_counter()
@@ -144,7 +148,7 @@ def _searched(
         max_iterations=min(session.max_iterations, ITERATIONS),
         seconds={"build": 0.0, "solve": 0.0},
     )
-    search = Search(inner, start, looks=looks)
+    search = Search(inner, start, looks=looks, acceptable=acceptable)
     reason = search.run(structures())
     session.iterations = inner.iterations
     session.seconds["refine"] += time.perf_counter() - started
@@ -155,7 +159,7 @@ def _judged(first: Ended, search: Search[Ended], reason: str) -> Refinement[Ende
     """The best that was found, if it may replace the first answer."""
     best = search.best
     if best is not None and search.stopped is None:
-        if best.error > ACCEPTABLE:
+        if best.error > search.acceptable:
             reason = f"the states or the Hamiltonian are wrong by {best.error:.1e} between nodes; {reason}"
         elif _is_worse(first, best.solved):
             reason = f"the objective would get worse by {best.solved.objective - first.objective:.1e}"

@@ -9,7 +9,8 @@ A node counts its time over its own arc, of which every segment is a fixed part.
 pinned to a bound its nodes are fixed, so that the control switches exactly at s and is exactly on its bound
 in between. On an arc that follows a limit S(x, t) = 0 of order q the program holds S^(q) = 0 at the nodes and
 S = ... = S^(q-1) = 0 where the arc begins: with the index of the equations reduced beforehand the rows are
-independent, and the limit decides a control at every node. Where a limit is only touched, S = S' = 0.
+independent, and the limit decides a control at every node. Where a limit is only touched, S = S' = 0. Where
+the control that decides meets the bound that leads through the limit, S^(q) = 0 with it on that bound.
 
 Source: Betts, Practical Methods for Optimal Control, SIAM 2010, 3.7 (phases); Maurer, Buskens, Kim, Kaya,
 "Optimization methods for the verification of second order sufficient conditions for bang-bang controls",
@@ -49,6 +50,9 @@ class Follow:
 
     On each of the arcs one of the controls that decide must be free. ``idle``: arcs where all are pinned so
     that the limit is followed by itself; its bounds say nothing there and would have no definite multipliers.
+    ``parted``: of the ``arcs``, each with a side (0: where it starts, 1: where it ends), those that meet an
+    arc on which the control that decides rests on the bound that leads through the limit. It can only be
+    reached along the limit: S^(q) = 0 with the control on that bound.
     """
 
     limit: Limit
@@ -56,6 +60,11 @@ class Follow:
     arcs: tuple[int, ...]
     touched: tuple[int, ...] = ()
     idle: tuple[int, ...] = ()
+    parted: tuple[tuple[int, int], ...] = ()
+
+    def met(self, side: int) -> list[int]:
+        """The arcs that are ``parted`` on this side."""
+        return [arc for arc, own in self.parted if own == side]
 
 
 @dataclass
@@ -81,7 +90,7 @@ class MultiArc(GaussPseudospectral):
         free = tuple(tuple(np.isnan(levels).tolist()) for levels in self.pinned.values())
         bounded = tuple(bool(np.isfinite(bounds).any()) for bounds in self.problem.control_bounds)
         follows = tuple(
-            (item.limit.pointer, item.limit.upper, item.arcs, item.touched, item.idle)
+            (item.limit.pointer, item.limit.upper, item.arcs, item.touched, item.idle, item.parted)
             for item in self.follows
         )
         return self.parts, self.counts, free, bounded, follows
@@ -238,7 +247,8 @@ class MultiArc(GaussPseudospectral):
         """Hold free controls and path constraints within bounds at both ends of the arcs, which are no nodes.
 
         Where an arc begins with a control that just leaves its bound, the nodes alone would let it begin
-        earlier, with a control beyond the bound.
+        earlier, with a control beyond the bound. Where it comes to its bound along a limit, the limit says
+        where.
         """
         problem, arcs = self.problem, np.arange(len(self.parts))
         bounded = [
@@ -246,9 +256,11 @@ class MultiArc(GaussPseudospectral):
             for j, name in enumerate(problem.controls)
             if np.isfinite(problem.control_bounds[j]).any() and np.isnan(self.pinned[name]).any()
         ]
-        for ends in [self._at_arcs(arcs, side) for side in (0, 1)] if bounded or problem.path else []:
+        for side in (0, 1) if bounded or problem.path else ():
+            ends = self._at_arcs(arcs, side)
             for j, free in bounded:
-                rows = ends.controls[j][free]
+                said = [arc for item in self.follows if j in item.rates.controls for arc in item.met(side)]
+                rows = ends.controls[j][free & ~np.isin(arcs, said)]
                 self.builder.constrain(_control_interval(j), scale=self.scaling.controls[j], linear=rows)
             if problem.path:
                 self.hold_path(ends, lambda this: this._path_bounds(arcs))
@@ -262,6 +274,8 @@ class MultiArc(GaussPseudospectral):
         entries = [arc for arc in item.arcs if arc > 0 and arc - 1 not in item.arcs]
         self._hold(index, range(order), self._at_arcs(entries, 0))
         self._hold(index, range(min(order, _TOUCHED)), self._at_arcs(item.touched, 0))
+        self._hold(index, [order], self._at_arcs([arc + 1 for arc in item.met(1)], 0))
+        self._hold(index, [order], self._at_arcs([arc - 1 for arc in item.met(0)], 1))
 
     def _hold(self, index: int, orders: Sequence[int], instants: Instants) -> Places | None:
         """Hold derivatives of a limit: that of order 0 on the level, all others at zero; where it is held."""
