@@ -114,8 +114,6 @@ class Answer(ABC):
                 "nlp_status": self.statistics.nlp_status,
                 "seconds": dict(self.statistics.seconds),
             },
-            "resolved": self.spec.resolved().to_dict(),
-            "provenance": {**provenance(), "seed": getattr(self.spec.method, "seed", None)},
             "constraints": list(self.constraints),
             "sensitivity": None if self.sensitivity is None else dict(self.sensitivity),
             "diagnosis": list(self.diagnosis) if self.diagnosis else None,
@@ -126,7 +124,11 @@ class Answer(ABC):
             **self.extras,
         }
         plain |= self.asked_for()
-        return {key: finite(value) for key, value in plain.items()}
+        return {
+            **{key: finite(value) for key, value in plain.items()},
+            "resolved": self.spec.resolved().to_dict(),
+            "provenance": {**provenance(), "seed": getattr(self.spec.method, "seed", None)},
+        }
 
     def asked_for(self) -> dict[str, Any]:
         """What the document asks for besides: its command table, and coasting."""

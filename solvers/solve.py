@@ -101,8 +101,7 @@ def solve(
         *improved.warnings,
     ]
     slopes = sensitivity(spec.problem, solved) if solved.converged and one_plant else None
-    session.seconds["total"] = time.perf_counter() - started
-    return Solution(
+    solution = Solution(
         spec=spec,
         problem=leading.problem,
         trajectory=trajectory,
@@ -127,6 +126,8 @@ def solve(
         diagnosis=diagnosis,
         statistics=statistics_of(solved, session),
     )
+    session.seconds["total"] = time.perf_counter() - started
+    return solution
 
 
 def _session(spec: JobSpec, problem: OptimalControlProblem, progress: Progress, seconds: float) -> Session:

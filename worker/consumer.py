@@ -1,4 +1,4 @@
-"""How a worker comes back to a broker that was away."""
+"""How a worker speaks with the broker, and comes back to one that was away."""
 
 from __future__ import annotations
 
@@ -6,6 +6,8 @@ from functools import partial
 from typing import Any
 
 from celery.worker.consumer import Consumer
+
+from worker.transport import PromptTransport
 
 _PAUSE = {"interval_start": 0.5, "interval_step": 0.5, "interval_max": 2.0}
 
@@ -18,5 +20,7 @@ class PromptConsumer(Consumer):
 
     def ensure_connected(self, conn: Any) -> Any:
         """Connect, as often as it takes."""
+        # Not by the address: kombu reads the transport of some out of it.
+        conn.transport_cls = PromptTransport
         conn.ensure_connection = partial(conn.ensure_connection, **_PAUSE)
         return super().ensure_connected(conn)

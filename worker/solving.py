@@ -6,7 +6,7 @@ import json
 import secrets
 import zlib
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass, fields
 from enum import StrEnum
 from typing import Any, cast
 
@@ -14,6 +14,8 @@ from solvers.progress import ProgressReport
 from worker.keyspace import Keyspace, record_of
 from worker.records import JobError, JobRecord, JobStatus
 from worker.verdicts import GIVEN_UP, LATE, MAX_LOSSES
+
+_KEPT = tuple(field.name for field in fields(ProgressReport) if field.name != "trajectory")
 
 
 def new_owner(solver: str = "") -> str:
@@ -135,11 +137,11 @@ def _texts(report: ProgressReport | None, iterates: Sequence[ProgressReport]) ->
     """What is kept of a report, and what is told of it with the ``iterates`` before; nothing of no report."""
     if report is None:
         return "", ""
-    members = _finite(asdict(report))
-    trajectory = members.pop("trajectory")
+    # Not by asdict, which would copy the trajectory number by number.
+    members = _finite({name: getattr(report, name) for name in _KEPT})
     kept = json.dumps(members)
-    if trajectory is not None:
-        members["trajectory"] = trajectory
+    if report.trajectory is not None:
+        members["trajectory"] = report.trajectory
     if iterates:
         members["iterates"] = [_row(one) for one in iterates]
     return kept, json.dumps(members)

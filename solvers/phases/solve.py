@@ -79,8 +79,7 @@ def solve_phases(
     warnings = [*other_phases(spec, earlier, session.parts), *ended, *improved.warnings]
     one_plant = spec.problem.scenarios is None
     sensitivity = _sensitivity(spec.problem, problem, solved) if solved.converged and one_plant else None
-    session.seconds["total"] = time.perf_counter() - started
-    return PhasedSolution(
+    solution = PhasedSolution(
         spec=spec,
         problem=problem,
         trajectory=answer,
@@ -111,6 +110,8 @@ def solve_phases(
         diagnosis=diagnosis,
         statistics=statistics_of(solved, session),
     )
+    session.seconds["total"] = time.perf_counter() - started
+    return solution
 
 
 def _flown(session: PhasedSession, spec: JobSpec, solved: PhasedSolved, plant: FlightPlant) -> FlightAnswer:
