@@ -179,9 +179,16 @@ class StoreProgress:
     def _exchange(self, *, telling: bool) -> None:
         """Hear whether to stop, and tell what is new if it is time for that."""
         latest, iterates = self.untold() if telling else (None, ())
-        answer = self._store.report(self._job_id, self._owner, latest, iterates)
+        before = self._written
         if latest is not None:
+            # Already now: what is reported meanwhile is not to hand on a trajectory that is being told.
             self._written = latest
+        try:
+            answer = self._store.report(self._job_id, self._owner, latest, iterates)
+        except Exception:
+            self._written = before
+            raise
+        if latest is not None:
             self._untold = []
             self._told_at = time.monotonic()
         if answer is Signal.GO:
