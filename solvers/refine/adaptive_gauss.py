@@ -15,7 +15,6 @@ optimal control using decay rates of Legendre polynomial coefficients, IEEE Tran
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import groupby
@@ -29,7 +28,7 @@ from solvers.guess import Start
 from solvers.problem import OptimalControlProblem
 from solvers.refine.adaptive import MeshLimit
 from solvers.refine.adaptive_splines import largest_inside
-from solvers.refine.jumps import Jump
+from solvers.refine.jumps import Jump, first_moment, shorter
 from solvers.scaling import Scaling
 from solvers.trajectory import Trajectory
 from solvers.transcription.gauss_pseudospectral import GaussPseudospectral
@@ -45,10 +44,6 @@ _MOST_PIECES = 4
 # Decades by which the coefficients must fall from degree to degree for a solution to count as smooth.
 _SMOOTH = 0.25
 _FLAT = 1e-3
-# The part of where a jump is seen by polynomials of higher degree in which it lies.
-_FIRST_MOMENT = 0.125
-# A segment for a jump is this much shorter than it might be.
-_SPARE = 1.4
 _SHORTEST_SEGMENT = 1e-9
 
 
@@ -117,9 +112,8 @@ class GaussMesh:
             held.add(owner)
             too_much = max(jump.excess, float(excess[owner]))
             if settled and too_much > 1.0:
-                # Errors there fall with the square of the length, to which the place is right too.
                 width = float(self.breaks[owner + 1] - self.breaks[owner])
-                half = 0.5 * max(width**2, width / (_SPARE * math.sqrt(too_much)))
+                half = 0.5 * shorter(width, too_much)
                 breaks[[owner, owner + 1]] = jump.place - half, jump.place + half
         return breaks, held, lost
 
@@ -135,7 +129,7 @@ class GaussMesh:
 
         One node is a control that is constant: it cannot pass its bounds, and moves a flight as a jump does.
         """
-        halves = [(jump, (jump.stop - jump.start) * _FIRST_MOMENT / 2.0) for jump in jumps]
+        halves = [(jump, 0.5 * first_moment(jump)) for jump in jumps]
         moments = [(jump.place - half, jump.place + half) for jump, half in halves]
         start, *inner, stop = self.breaks[first : last + 2].tolist()
         kept = [

@@ -162,7 +162,7 @@ def _solved(session: Session, start: _Start) -> RefinedPart | None:
     problem = session.problem
     (part,) = session.parts
     arcs = Arcs.first(part, *start)
-    solved = session.solve_parts([arcs.program(part)], "other structures", warm=True)
+    solved = session.solve_parts([arcs.program(part)], "other structures", warm=True, decided=True)
     if not solved.converged:
         return None
     found = RefinedPart.read(solved, arcs)

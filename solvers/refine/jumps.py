@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import pairwise
@@ -19,6 +20,10 @@ from solvers.trajectory import Trajectory
 Vector = NDArray[np.float64]
 
 _POINTS = 3
+# The part of where a jump is seen by polynomials of higher degree in which it lies.
+_FIRST_MOMENT = 0.125
+# An interval for a jump is this much shorter than it might be.
+_SPARE = 1.4
 
 
 @dataclass(frozen=True)
@@ -46,6 +51,19 @@ def jumps_of(problem: OptimalControlProblem, trajectory: Trajectory) -> list[Jum
         if is_switched(bounds):
             found += _jumps(trajectory, trajectory.controls[name], bounds)
     return sorted(found, key=lambda jump: jump.place)
+
+
+def first_moment(jump: Jump) -> float:
+    """The width of the interval in which to look for a jump that polynomials of higher degree have seen."""
+    return (jump.stop - jump.start) * _FIRST_MOMENT
+
+
+def shorter(width: float, too_much: float) -> float:
+    """The width of the interval around a jump after this ``width``, with which it gave ``too_much`` away.
+
+    What is given away falls with the square of the width, to which the place is right too.
+    """
+    return max(width**2, width / (_SPARE * math.sqrt(too_much)))
 
 
 def _jumps(trajectory: Trajectory, control: Curve, bounds: Interval) -> Iterator[Jump]:

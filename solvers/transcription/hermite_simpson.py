@@ -11,7 +11,8 @@ On an interval of normalised width h, with F = (tf - t0) f at left end, middle a
     x_m - (x_l + x_r) / 2 - h (F_l - F_r) / 8 = 0,      x_r - x_l - h (F_l + 4 F_m + F_r) / 6 = 0.
 
 The state between the nodes is the cubic through the ends with their slopes, the control the quadratic through
-its three values.
+its three values. Where it shall be within its bounds between the nodes too, the unknown in the middle is
+Bernstein's coefficient c, u_m = c / 2 + (u_l + u_r) / 4: the quadratic lies between u_l, c and u_r.
 
 Source: Hargraves and Paris, "Direct trajectory optimization using nonlinear programming and collocation",
 J. Guidance 10(4), 1987, doi 10.2514/3.20223; Betts, Practical Methods for Optimal Control, SIAM 2010, 4.6.
@@ -20,7 +21,7 @@ J. Guidance 10(4), 1987, doi 10.2514/3.20223; Betts, Practical Methods for Optim
 from __future__ import annotations
 
 from collections.abc import Hashable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -41,9 +42,13 @@ Vector = NDArray[np.float64]
 
 @dataclass
 class HermiteSimpson(Transcription):
-    """Hermite-Simpson on the intervals between ``knots`` (normalised, from 0 to 1)."""
+    """Hermite-Simpson on the intervals between ``knots`` (normalised, from 0 to 1).
+
+    ``within``: controls are within their bounds between the nodes too.
+    """
 
     knots: Vector
+    within: bool = field(default=False, kw_only=True)
 
     def __post_init__(self) -> None:
         self.tau = np.empty(2 * self.knots.size - 1)
@@ -52,8 +57,8 @@ class HermiteSimpson(Transcription):
 
     @property
     def mesh(self) -> Hashable:
-        """The knots."""
-        return tuple(self.knots)
+        """The knots, and what the unknowns of controls are."""
+        return tuple(self.knots), self.within
 
     def allocate(self) -> None:
         """See :class:`Transcription`."""
@@ -72,7 +77,7 @@ class HermiteSimpson(Transcription):
             "controls",
             (self.scaling.controls.size, self.tau.size),
             scale=self.scaling.controls,
-            initial=lambda this: this.start.controls_at(this.tau),
+            initial=lambda this: this.start.controls_at(this.tau) @ this.from_values.T,
             bounds=control_columns,
         )
 
@@ -83,7 +88,19 @@ class HermiteSimpson(Transcription):
 
     def control_rows(self) -> list[sparse.csr_array]:
         """The rows of each control at the nodes."""
-        return [self.builder.rows_of(block) for block in self.builder.blocks["controls"]]
+        return [self.builder.rows_of(block, self.to_values) for block in self.builder.blocks["controls"]]
+
+    @property
+    def to_values(self) -> sparse.csr_array:
+        """From the unknowns of a control to its values at the nodes."""
+        unit = sparse.eye_array(self.tau.size)
+        return sparse.csr_array(unit - 0.5 * self._at_middles()) if self.within else sparse.csr_array(unit)
+
+    @property
+    def from_values(self) -> sparse.csr_array:
+        """From the values of a control at the nodes to its unknowns."""
+        unit = sparse.eye_array(self.tau.size)
+        return sparse.csr_array(unit + self._at_middles()) if self.within else sparse.csr_array(unit)
 
     def path_instants(self) -> Instants:
         """The ends and middles of the intervals."""
@@ -157,7 +174,8 @@ class HermiteSimpson(Transcription):
     def control_curves(self, unknowns: Vector) -> Sequence[Curve]:
         """The controls as functions of tau."""
         blocks = self.builder.blocks["controls"]
-        return [QuadraticCurve(self.knots, unknowns[block.start : block.stop]) for block in blocks]
+        values = [self.to_values @ unknowns[block.start : block.stop] for block in blocks]
+        return [QuadraticCurve(self.knots, own) for own in values]
 
     def described_basis(self) -> dict[str, Any]:
         """The ``basis`` of a trajectory."""
@@ -173,6 +191,11 @@ class HermiteSimpson(Transcription):
         """How far the middle of each interval is from the mean of its ends."""
         ones = np.ones(self.knots.size - 1)
         return self._triples(-0.5 * ones, ones, -0.5 * ones)
+
+    def _at_middles(self) -> sparse.csr_array:
+        """The rows of :meth:`_middles`, each at the middle of its interval, none at the knots."""
+        rows = sparse.coo_array(self._middles())
+        return sparse.csr_array((rows.data, (2 * rows.row + 1, rows.col)), shape=(self.tau.size,) * 2)
 
     def _triples(self, left: Vector, middle: Vector, right: Vector) -> sparse.csr_array:
         """A row for each interval with these entries at its left end, middle and right end."""

@@ -232,6 +232,34 @@ def test_an_interval_is_cut_as_often_as_its_error_asks(monkeypatch: pytest.Monke
         mesh.refined(trajectory, np.full(4, 1.0), 1e-9)
 
 
+def test_a_jump_gets_an_interval_which_becomes_shorter(kinked: Trajectory) -> None:
+    mesh, seen = IntervalMesh(np.linspace(0.0, 1.0, 11)), Jump(0.55, 0.5, 0.6, 1e4)
+
+    def refined(mesh: IntervalMesh, excess: float, jump: Jump) -> IntervalMesh:
+        on_it = dataclasses.replace(kinked, breakpoints=mesh.knots)
+        return mesh.refined(on_it, np.full(mesh.knots.size - 1, excess * 1e-6), 1e-6, [jump])
+
+    cut = refined(mesh, 0.5, seen)
+    (held,) = cut.jumps
+    np.testing.assert_allclose(cut.knots[held : held + 2], [0.54375, 0.55625])
+    assert {0.5, 0.6} < set(np.round(cut.knots, 12).tolist())
+    # While other errors are large its place may still move.
+    waiting = refined(cut, 2.0, dataclasses.replace(seen, place=0.551))
+    (held,) = waiting.jumps
+    np.testing.assert_allclose(waiting.knots[held : held + 2], [0.54375, 0.55625])
+    shorter = refined(cut, 0.5, Jump(0.551, 0.54, 0.56, 16.0))
+    (held,) = shorter.jumps
+    assert np.mean(shorter.knots[held : held + 2]) == pytest.approx(0.551)
+    assert 0.0125 / 8 < np.diff(shorter.knots)[held] < 0.0125 / 4
+
+
+def test_jumps_that_are_seen_through_each_other_are_a_singular_arc(kinked: Trajectory) -> None:
+    mesh, errors = IntervalMesh(np.array([0.0, 1.0])), np.full(kinked.breakpoints.size - 1, 1e-2)
+    jumps = [Jump(place, place - 0.01, place + 0.01, 10.0) for place in (0.2, 0.215, 0.23, 0.245)]
+    with pytest.raises(MeshLimit, match=f"chatters between its bounds at t = {0.2 * kinked.tf:.6g}$"):
+        mesh.refined(kinked, errors, 1e-6, jumps)
+
+
 def test_splines_are_refined_no_deeper_than_allowed_and_within_their_number(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
