@@ -65,7 +65,6 @@ def test_most_knots_sit_in_the_layers_and_none_is_wasted_between(layers: tuple[S
     "method",
     [
         {"name": "swcm", "J": 4},
-        {"name": "swcm", "J": 6},
         {"name": "gpm", "nodes": 40},
         {"name": "hermite_simpson", "intervals": 1000},
     ],
