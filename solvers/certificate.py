@@ -1,7 +1,7 @@
 """What the costates say of an answer: the Hamiltonian along it.
 
-H = L + lambda' f, minimised by the control; constant where neither the model nor the running cost names the
-time, and then -1 for a minimum time, 0 where a free final time costs nothing.
+H = L + lambda' f, minimised by the control; constant where neither the model, the running cost nor a path
+constraint names the time, and then -1 for a minimum time, 0 where a free final time costs nothing.
 """
 
 from __future__ import annotations

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import math
+import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import chain
 from typing import Any, Generic
 
 from solvers.diagnosis import Place, diagnose
@@ -28,7 +31,7 @@ from solvers.spec import (
     SplineWaveletMethod,
 )
 from solvers.status import SolveStatus
-from solvers.switching import find_switching
+from solvers.switching import find_switching, is_switched
 from solvers.trajectory import Trajectory
 from solvers.verification import Verification
 
@@ -36,21 +39,36 @@ from solvers.verification import Verification
 _AUTOMATIC_LEVEL = 16
 _SECOND_CHOICE_INTERVALS = 40
 _FIRST_SPAN = 0.5
+# The parts of the time that is left which meshes may take before the best one so far is the answer: where
+# there is nothing better, and where there are arcs that are good enough but for what meshes may do better.
+_LONGEST, _LONGEST_BESIDE = 1.0 / 3.0, 1.0 / 12.0
 # After so many iterations another method is tried, where there is one: the cases take a tenth of them.
 _FIRST_ITERATIONS = 300
 # Of the accuracy asked for, what a structure may come to: it is estimated, and verified later.
 _SAFE_PART = 0.8
+_SWITCHING_ADVICE = (
+    " Where a control jumps between its bounds or slides between them, no mesh does what method.refine:"
+    " switching does."
+)
+_AUTOMATIC_ADVICE = (
+    " Ask for less (method.accuracy), give more time (options.max_seconds), or name a method: a fixed mesh,"
+    ' such as {"name": "swcm", "J": 6}, is verified to a hundredth.'
+)
 _NO_END = SolveStatus.ITERATION_LIMIT, SolveStatus.DIVERGED
 
 
 @dataclass(frozen=True)
 class Improved(Generic[Ended]):
-    """An answer and how it was reached: on an adapted mesh, with a refined structure, or as it was."""
+    """An answer and how it was reached: on an adapted mesh, with a refined structure, or as it was.
+
+    ``advice``: what to do where an adapted mesh does not reach its tolerance.
+    """
 
     solved: Ended
     adapted: Adapted[Ended] | None = None
     adaptivity: Adaptivity | None = None
     refinement: Refinement[Ended] | None = None
+    advice: str = ""
 
     @property
     def summary(self) -> Mapping[str, Any]:
@@ -74,7 +92,11 @@ class Improved(Generic[Ended]):
         if reason is not None:
             found = [
                 *found,
-                {"code": "tolerance_not_reached", "pointer": "/method/adaptive", "detail": reason},
+                {
+                    "code": "tolerance_not_reached",
+                    "pointer": "/method/adaptive",
+                    "detail": reason + self.advice,
+                },
             ]
         return found
 
@@ -228,12 +250,18 @@ def other_structures(
 
 
 def _adapted(
-    session: Solving[Ended], method: Method, adaptivity: Adaptivity, first: Ended, span: float
+    session: Solving[Ended],
+    method: Method,
+    adaptivity: Adaptivity,
+    first: Ended,
+    span: float,
+    seconds: float = math.inf,
 ) -> Improved[Ended]:
-    """A first answer on adapted meshes of a method."""
+    """A first answer on adapted meshes of a method, which may take some ``seconds``."""
     meshes = [adaptive_mesh_of(method, part.problem) for part in session.parts]
-    adapted = adapt(session, meshes, adaptivity.tolerance, first, span)
-    return Improved(adapted.solved, adapted, adaptivity)
+    adapted = adapt(session, meshes, adaptivity.tolerance, first, span, seconds)
+    bounded = any(map(is_switched, chain(*(part.problem.control_bounds for part in session.parts))))
+    return Improved(adapted.solved, adapted, adaptivity, advice=_SWITCHING_ADVICE if bounded else "")
 
 
 def _automatically(
@@ -242,19 +270,29 @@ def _automatically(
     """The structure first, which is exact and cheap; an adapted mesh where it is not found.
 
     Or where between its nodes it leaves bounds or path constraints by more than is asked for, as polynomials
-    do along constraints on several controls; it stays where the mesh does not do better.
+    do along constraints on several controls, or the Hamiltonian wanders; it stays where the mesh does not do
+    better. Neither takes all of the time, so that there is an answer with what to do at the end of it.
     """
     exact = None
     if is_refinable(session.parts):
         acceptable = max(ACCEPTABLE, _SAFE_PART * method.accuracy)
-        refinement = refine_switching(session, first, acceptable)
+        refinement = refine_switching(session, first, acceptable, _share_of_rest(session, _LONGEST))
         exact = Improved(refinement.solved, refinement=refinement)
         refined = refinement.refined
-        if refinement.solved.stopped or (refined is not None and refined.outside <= method.accuracy):
+        if refinement.solved.stopped or (refined is not None and refined.is_certain(method.accuracy)):
             return exact
         exact = exact if refined is not None else None
     adaptivity = Adaptivity(tolerance=method.accuracy)
     if isinstance(used, SplineWaveletMethod):
         adaptivity = SplineAdaptivity(tolerance=method.accuracy, max_level=_AUTOMATIC_LEVEL)
-    adapted = _adapted(session, used.model_copy(update={"adaptive": adaptivity}), adaptivity, first, span)
-    return adapted if exact is None or not adapted.warnings else exact
+    seconds = _share_of_rest(session, _LONGEST if exact is None else _LONGEST_BESIDE)
+    meshed = used.model_copy(update={"adaptive": adaptivity})
+    adapted = _adapted(session, meshed, adaptivity, first, span, seconds)
+    if exact is None or not adapted.warnings:
+        return replace(adapted, advice=_AUTOMATIC_ADVICE)
+    return exact
+
+
+def _share_of_rest(session: Solving[Any], share: float) -> float:
+    """A share of the seconds that are left."""
+    return share * max(0.0, session.limits.deadline - time.monotonic())

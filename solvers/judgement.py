@@ -11,7 +11,7 @@ from solvers.problem import OptimalControlProblem
 from solvers.progress import ProgressReport
 from solvers.session import Account, Session
 from solvers.solution import PlantAnswer
-from solvers.spec import JobSpec
+from solvers.spec import AutoMethod, JobSpec
 from solvers.status import SolveStatus
 from solvers.trajectory import Trajectory
 from solvers.verification import Tolerances, Verification
@@ -25,6 +25,12 @@ _FAULTY: Mapping[SolveStatus, Where] = {
     SolveStatus.DIVERGED: "nodes",
     SolveStatus.ITERATION_LIMIT: "tables",
     SolveStatus.TIME_LIMIT: "tables",
+}
+# What may be tried for exactness has been tried where the choice was left to the solver.
+_AUTOMATIC = {
+    SolveStatus.UNVERIFIED: (
+        "This is the best answer found, but re-integrated it is outside the accuracy that was asked of auto."
+    )
 }
 
 
@@ -71,6 +77,8 @@ def judge(
     ``sentences`` stand for those of the status where a method has its own; ``others``: what further plants
     under the same command did.
     """
+    if sentences is None and isinstance(spec.method, AutoMethod):
+        sentences = _AUTOMATIC
     flights = [("", verification), *((f"{other.plant.name}: ", other.verification) for other in others)]
     return judged(
         status,

@@ -226,10 +226,12 @@ class OptimalControlProblem:
 
     @property
     def autonomous(self) -> bool:
-        """Whether neither the model nor the running cost names the time."""
+        """Whether nothing that holds along the trajectory names the time, or a part of it."""
         running = [] if self.running_cost is None else [self.running_cost]
-        every = [*self.dynamics.expressions, *self.definitions.values(), *running]
-        return not any("t" in expression.names for expression in every)
+        limits = [item.expression for item in self.path]
+        every = [*self.dynamics.expressions, *self.definitions.values(), *running, *limits]
+        windows = any(item.during != WHOLE_SPAN for item in self.path)
+        return not windows and not any("t" in expression.names for expression in every)
 
     def parameters_of(self, trajectory: Trajectory) -> dict[str, float]:
         """The parameters of an answer: those of the document, design parameters as they were found."""

@@ -49,12 +49,6 @@ _PROGRAM_SHARE = 1e-2
 _MOST_EXACT_PROGRAM = 1e-12
 
 
-_ADVICE = (
-    " Where a control jumps between its bounds or slides between them, no mesh does what method.refine:"
-    " switching does."
-)
-
-
 class MeshLimit(Exception):
     """The mesh may not be refined where it would have to be; says which limit stands against it."""
 
@@ -125,37 +119,69 @@ def adapt(
     tolerance: float,
     first: Ended,
     begun: float = 0.0,
+    seconds: float = np.inf,
 ) -> Adapted[Ended]:
     """Refine until the relative error is within the tolerance, from the answer ``first`` on ``meshes``.
 
-    ``begun``: the part of all work that is done. Raises whatever the progress of the session raises.
+    ``begun``: the part of all work that is done; ``seconds``: what all meshes may take, where that is less
+    than what the session leaves. Raises whatever the progress of the session raises.
     """
+    asked, limits = session.tolerance, session.limits
+    session.limits = replace(limits, deadline=min(limits.deadline, time.monotonic() + seconds))
+    try:
+        last, last_meshes, best, reason = _refined(session, meshes, tolerance, first, begun)
+    finally:
+        session.tolerance, session.limits = asked, limits
+    if reason is None:
+        return Adapted(last, last_meshes, None)
+    if best is None:
+        return Adapted(last, last_meshes, f"The adaptive mesh ended {last.outcome.status.value}.")
+    answer = best.solved
+    if last.stopped:
+        reason = f"{seconds:.0f} s were not enough" if session.stop is None else "it was stopped"
+        if session.stop is not None:
+            answer = replace(answer, outcome=replace(answer.outcome, status=last.outcome.status))
+    elif not last.converged:
+        reason = f"the program on a finer mesh ended {last.outcome.status.value}"
+    detail = f"The adaptive mesh stopped at an estimated error of {best.error:.1e}: {reason}."
+    return Adapted(answer, best.meshes, detail)
+
+
+@dataclass(frozen=True)
+class _Best(Generic[Ended]):
+    """The converged answer of the smallest error."""
+
+    error: float
+    solved: Ended
+    meshes: Sequence[AdaptiveMesh]
+
+
+def _refined(
+    session: Solving[Ended], meshes: Sequence[AdaptiveMesh], tolerance: float, solved: Ended, begun: float
+) -> tuple[Ended, Sequence[AdaptiveMesh], _Best[Ended] | None, str | None]:
+    """The last answer, its meshes, the best answer; why the last one is not good enough, None if it is."""
     asked = session.tolerance
-    solved = first
-    best: tuple[float, Ended, Sequence[AdaptiveMesh]] | None = None
+    best: _Best[Ended] | None = None
     history: list[float] = []
-    reason = f"{_ROUNDS} meshes were not enough"
     for round_ in range(_ROUNDS):
         if not solved.converged:
-            break
+            return solved, meshes, best, "it did not converge"
         started = time.perf_counter()
         assessed = _assess(session, solved, tolerance * _SAFETY)
         session.convergence[-1]["error_estimate"] = (
             assessed.largest if np.isfinite(assessed.largest) else None
         )
         if assessed.largest <= assessed.limit:
-            return Adapted(solved, meshes, None)
-        if best is None or assessed.largest < best[0]:
-            best = (assessed.largest, solved, meshes)
+            return solved, meshes, best, None
+        if best is None or assessed.largest < best.error:
+            best = _Best(assessed.largest, solved, meshes)
         history.append(assessed.largest)
         if len(history) > _PATIENCE and min(history[-_PATIENCE:]) > 0.5 * min(history[:-_PATIENCE]):
-            reason = "refinement no longer helps"
-            break
+            return solved, meshes, best, "refinement no longer helps"
         try:
             finer = assessed.better(meshes, solved)
         except MeshLimit as limit:
-            reason = str(limit)
-            break
+            return solved, meshes, best, str(limit)
         transcriptions = [
             mesh.transcription(part.problem, part.scaling, own.trajectory)
             for mesh, part, own in zip(finer, session.parts, solved.parts, strict=True)
@@ -165,14 +191,7 @@ def adapt(
         share = 1.0 - left, 1.0 - left * _SHARE_OF_REST
         session.tolerance = min(asked, _program_tolerance(session, finer, tolerance))
         solved, meshes = session.solve_parts(transcriptions, f"mesh {round_ + 2}", share, warm=True), finer
-    if best is None or solved.stopped:
-        return Adapted(solved, meshes, f"The adaptive mesh ended {solved.outcome.status.value}.")
-    if not solved.converged:
-        reason = f"the program on a finer mesh ended {solved.outcome.status.value}"
-    bounded = any(np.isfinite(own).all() for part in session.parts for own in part.problem.control_bounds)
-    advice = _ADVICE if bounded else ""
-    detail = f"The adaptive mesh stopped at an estimated error of {best[0]:.1e}: {reason}.{advice}"
-    return Adapted(best[1], best[2], detail)
+    return solved, meshes, best, f"{_ROUNDS} meshes were not enough"
 
 
 def _program_tolerance(session: Solving[Any], meshes: Sequence[AdaptiveMesh], tolerance: float) -> float:

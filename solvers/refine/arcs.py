@@ -153,6 +153,11 @@ class Refined(Generic[Ended]):
         """Whether states, bounds and path constraints are within a tolerance between nodes."""
         return max(self.error, self.outside) <= tolerance
 
+    def is_certain(self, tolerance: float) -> bool:
+        """Whether limits are held within a tolerance, and the Hamiltonian is as constant as it must be."""
+        drifts = [part.solved.hamiltonian_drift for part in self.parts]
+        return self.outside <= tolerance and all(drift is None or drift <= DRIFT for drift in drifts)
+
     @property
     def wrong_sign(self) -> float:
         """The largest wrong value of a switching function."""

@@ -96,7 +96,8 @@ class Structure:
             for limit, flags in self.followed.items()
         ]
         touches = [
-            int(flags.sum()) * min(self.rates[limit].order, 2) for limit, flags in self.touched.items()
+            int(flags.sum()) * min(self.rates[limit].order, 2) + len(self._tangent(limit))
+            for limit, flags in self.touched.items()
         ]
         return sum(entries) + sum(touches)
 
@@ -111,9 +112,20 @@ class Structure:
             )
             idle = self._idle(problem, trajectory, limit)
             if arcs or touched or idle:
-                parted = self._parted(problem, trajectory, limit)
-                found.append(Follow(limit, rates, arcs, touched, idle, parted))
+                parted, tangent = self._parted(problem, trajectory, limit), self._tangent(limit)
+                found.append(Follow(limit, rates, arcs, touched, idle, parted, tangent))
         return tuple(found)
+
+    def _tangent(self, limit: Limit) -> tuple[int, ...]:
+        """The arcs that start where a limit of order 1 is touched while every control goes on as decided."""
+        if self.rates[limit].order != 1 or limit not in self.touched:
+            return ()
+        decided = self.decided_arcs
+        return tuple(
+            arc
+            for arc in np.flatnonzero(self.touched[limit]).tolist()
+            if arc and decided[[arc - 1, arc]].all() and self._alike(arc - 1, arc)
+        )
 
     def _parted(
         self, problem: OptimalControlProblem, trajectory: Trajectory, limit: Limit

@@ -93,15 +93,18 @@ def _has_arcs(problem: OptimalControlProblem) -> bool:
 
 
 def refine_switching(
-    session: Solving[Ended], first: Ended, acceptable: float = ACCEPTABLE
+    session: Solving[Ended], first: Ended, acceptable: float = ACCEPTABLE, seconds: float = np.inf
 ) -> Refinement[Ended]:
     """Find the structure of a converged answer and solve for its switching times.
 
-    ``acceptable``: what the error of the states between nodes may be at most, relative to scales. Raises
-    whatever the progress of the session raises.
+    ``acceptable``: what the error of the states between nodes may be at most, relative to scales;
+    ``seconds``: what the search may take, where that is less than what the session leaves. Raises whatever
+    the progress of the session raises.
     """
     start = [part.trajectory for part in first.parts]
-    search, reason = _searched(session, start, lambda: structures_of(first), acceptable=acceptable)
+    search, reason = _searched(
+        session, start, lambda: structures_of(first), acceptable=acceptable, seconds=seconds
+    )
     return _judged(first, search, reason)
 
 
@@ -139,6 +142,7 @@ def _searched(
     structures: Callable[[], Sequence[Structure]],
     looks: int = 0,
     acceptable: float = ACCEPTABLE,
+    seconds: float = np.inf,
 ) -> tuple[Search[Ended], str]:
     """A search that has come to its end, and why it did; ``looks``: how many of its closer looks are gone."""
     started = time.perf_counter()
@@ -147,9 +151,12 @@ def _searched(
         tolerance=min(session.tolerance, PROGRAM_TOLERANCE),
         max_iterations=min(session.max_iterations, ITERATIONS),
         seconds={"build": 0.0, "solve": 0.0},
+        limits=replace(session.limits, deadline=min(session.limits.deadline, time.monotonic() + seconds)),
     )
     search = Search(inner, start, looks=looks, acceptable=acceptable)
     reason = search.run(structures())
+    if search.stopped is not None and session.stop is None:
+        search.stopped, reason = None, f"{seconds:.0f} s were not enough"
     session.iterations = inner.iterations
     session.seconds["refine"] += time.perf_counter() - started
     return search, reason

@@ -52,7 +52,8 @@ class Follow:
     that the limit is followed by itself; its bounds say nothing there and would have no definite multipliers.
     ``parted``: of the ``arcs``, each with a side (0: where it starts, 1: where it ends), those that meet an
     arc on which the control that decides rests on the bound that leads through the limit. It can only be
-    reached along the limit: S^(q) = 0 with the control on that bound.
+    reached along the limit: S^(q) = 0 with the control on that bound. ``tangent``: of the ``touched``, those
+    where no control may jump: a limit of order 1 is then at its extreme, S = S' = 0.
     """
 
     limit: Limit
@@ -61,6 +62,7 @@ class Follow:
     touched: tuple[int, ...] = ()
     idle: tuple[int, ...] = ()
     parted: tuple[tuple[int, int], ...] = ()
+    tangent: tuple[int, ...] = ()
 
     def met(self, side: int) -> list[int]:
         """The arcs that are ``parted`` on this side."""
@@ -90,7 +92,15 @@ class MultiArc(GaussPseudospectral):
         free = tuple(tuple(np.isnan(levels).tolist()) for levels in self.pinned.values())
         bounded = tuple(bool(np.isfinite(bounds).any()) for bounds in self.problem.control_bounds)
         follows = tuple(
-            (item.limit.pointer, item.limit.upper, item.arcs, item.touched, item.idle, item.parted)
+            (
+                item.limit.pointer,
+                item.limit.upper,
+                item.arcs,
+                item.touched,
+                item.idle,
+                item.parted,
+                item.tangent,
+            )
             for item in self.follows
         )
         return self.parts, self.counts, free, bounded, follows
@@ -274,6 +284,7 @@ class MultiArc(GaussPseudospectral):
         entries = [arc for arc in item.arcs if arc > 0 and arc - 1 not in item.arcs]
         self._hold(index, range(order), self._at_arcs(entries, 0))
         self._hold(index, range(min(order, _TOUCHED)), self._at_arcs(item.touched, 0))
+        self._hold(index, [order], self._at_arcs(item.tangent, 0))
         self._hold(index, [order], self._at_arcs([arc + 1 for arc in item.met(1)], 0))
         self._hold(index, [order], self._at_arcs([arc - 1 for arc in item.met(0)], 1))
 

@@ -4,15 +4,24 @@ from __future__ import annotations
 
 import copy
 import json
+import time
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
 
 from solvers.catalogue import load_case
+from solvers.meshes import adaptive_mesh_of
+from solvers.optimizers.outcome import Limits
+from solvers.problem import OptimalControlProblem
+from solvers.progress import SilentProgress
+from solvers.refine.adaptive import adapt
+from solvers.scaling import automatic_scaling
+from solvers.session import Session
 from solvers.solution import Solution
 from solvers.solve import solve
-from solvers.spec import check_document
+from solvers.spec import SplineAdaptivity, SplineWaveletMethod, check_document
 from solvers.status import SolveStatus
 from solvers.trajectory import Trajectory
 from tests.solvers.refine.estimates import assert_estimate_is_true
@@ -275,3 +284,41 @@ def test_a_time_limit_ends_the_refinement() -> None:
     solution, _ = answer("flexible_spacecraft", {"name": "swcm", "adaptive": {}}, max_seconds=0.3)
     assert solution.status.value == "time_limit"
     assert solution.verification.max_state_error is not None
+
+
+def test_meshes_that_may_take_no_time_leave_the_best_answer_with_the_reason(session: Session) -> None:
+    (part,), limits = session.parts, session.limits
+    method = SplineWaveletMethod(name="swcm", J=2, adaptive=SplineAdaptivity(tolerance=1e-8, max_level=10))
+    mesh = adaptive_mesh_of(method, part.problem)
+    start = mesh.transcription(part.problem, part.scaling, part.problem.guess)
+    first = session.solve_parts([start], "solve")
+    adapted = adapt(session, [mesh], 1e-8, first, seconds=0.0)
+    assert adapted.solved is first
+    assert adapted.reason is not None
+    assert "0 s were not enough" in adapted.reason
+    assert session.limits is limits
+
+
+def test_an_answer_that_is_stopped_is_the_best_mesh_so_far(session: Session) -> None:
+    (part,) = session.parts
+    method = SplineWaveletMethod(name="swcm", J=2, adaptive=SplineAdaptivity(tolerance=1e-8, max_level=10))
+    mesh = adaptive_mesh_of(method, part.problem)
+    first = session.solve_parts([mesh.transcription(part.problem, part.scaling, part.problem.guess)], "solve")
+    session.limits = replace(session.limits, deadline=time.monotonic())
+    adapted = adapt(session, [mesh], 1e-8, first)
+    assert adapted.solved.trajectory is first.trajectory
+    assert adapted.solved.outcome.status is SolveStatus.TIME_LIMIT
+
+
+@pytest.fixture
+def session() -> Session:
+    problem = OptimalControlProblem.from_spec(check_document(load_case("rigid_body")).problem)
+    progress = SilentProgress()
+    return Session(
+        problem=problem,
+        scaling=automatic_scaling(problem),
+        tolerance=1e-8,
+        max_iterations=500,
+        limits=Limits(time.monotonic() + 60.0, progress.cancelled),
+        progress=progress,
+    )

@@ -193,3 +193,31 @@ def test_a_limit_is_left_where_its_multiplier_has_the_wrong_sign() -> None:
     np.testing.assert_allclose(best.structure.edges, [0, a, 0.5, 1 - a, 1], atol=1e-8)
     np.testing.assert_array_equal(best.structure.pinned["u"], [np.nan, -1, 1, np.nan])
     assert best.wrong_sign <= 1e-6
+
+
+@pytest.mark.parametrize("clock", ["t", "s"])
+def test_a_limit_is_touched_at_its_extreme_where_another_one_decides(clock: str) -> None:
+    """u <= 1 - t lets y' = u rise to its peak at t = 1, which y <= 3/8 must not pass; u would rather be 2.
+
+    u = c before t = 1 - c, then 1 - t; the peak c - c^2/2 gives c = 1/2, and the cost is 1/2 9/8 + 63/16.
+    With a state s for the time the Hamiltonian is constant, without one it is not.
+    """
+    document: dict[str, Any] = {
+        "problem": {
+            "model": {
+                "kind": "first_order",
+                "states": ["y", "s"],
+                "controls": ["u"],
+                "dynamics": {"y": "u", "s": "1"},
+            },
+            "final_time": 2,
+            "initial_state": {"y": 0, "s": 0},
+            "bounds": {"y": [None, 0.375]},
+            "path_constraints": [{"name": "room", "expression": f"u + {clock}", "bounds": [None, 1]}],
+            "objective": {"running": "(u - 2)^2/2"},
+        }
+    }
+    solution = refined(document, "swcm")
+    assert solution.objective == pytest.approx(4.5, abs=1e-10)
+    assert solution.trajectory.controls_at(np.array([0.125]))[0, 0] == pytest.approx(0.5, abs=1e-8)
+    assert (solution.verification.hamiltonian_drift is None) == (clock == "t")
