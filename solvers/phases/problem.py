@@ -9,7 +9,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Mapping
+from collections.abc import Hashable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Any
@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from solvers.attitude import guessed_attitude
 from solvers.backends import NUMPY, Backend
 from solvers.elastic import place_in_document
 from solvers.errors import pointer
@@ -242,11 +243,23 @@ def flight_of(spec: ProblemSpec) -> PhasedProblem:
         None if spec.objective.terminal is None else parse(spec.objective.terminal),
     )
     guesses = chained_guesses(
-        [phase.plant.problem for phase in phases],
+        list(_aimed(phases)),
         [_said(phase) for phase in phases],
         lambda index, end: _begin(found, index, end),
     )
     return replace(found, phases=tuple(map(_started, phases, guesses)))
+
+
+def _aimed(phases: Sequence[Phase]) -> Iterator[OptimalControlProblem]:
+    """The problems of the phases, each ending in the attitude that it is to have, near the one before."""
+    near: dict[str, Interval] = {}
+    for phase in phases:
+        problem = phase.plant.problem
+        known = dict(zip(problem.states, problem.initial_state, strict=True))
+        begin = [near.get(name, own) if own == FREE else own for name, own in known.items()]
+        end = guessed_attitude(phase.spec, problem.parameters, begin, problem.final_state)
+        near = dict(zip(problem.states, begin if end == problem.final_state else end, strict=True))
+        yield replace(problem, final_state=end)
 
 
 def _phase(spec: ProblemSpec, view: PhaseView, fields: Mapping[str, Any], times: Interval) -> Phase:

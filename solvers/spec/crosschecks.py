@@ -44,9 +44,9 @@ def cross_check(scope: Scope) -> Flaws:
     if not scope.problem.get("phases"):
         _check_ends(scope, flaws)
         _check_control_ends(scope, flaws)
+        check_attitude(scope, flaws)
     _check_design(scope, flaws)
     check_data(scope, flaws)
-    check_attitude(scope, flaws)
     _check_guess(scope, flaws)
     check_support(scope, flaws)
     check_cases(scope, flaws)

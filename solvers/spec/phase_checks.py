@@ -80,8 +80,9 @@ def _check_common(scope: Scope, views: Sequence[PhaseView], flaws: Flaws) -> Non
         ("initial_control", first, "first"),
         ("final_state", last, "last"),
         ("final_control", last, "last"),
+        ("final_attitude", last, "last"),
     ):
-        if view.has_own_model and mapping(scope.problem.get(key)):
+        if view.has_own_model and scope.problem.get(key):
             detail = f"the {which} phase has a model of its own: what is said here belongs there"
             flaws.add(detail, "problem", key)
     for place, expression in _over_the_flight(scope.problem):
@@ -111,8 +112,6 @@ def _not_done(document: Mapping[str, Any]) -> Iterator[tuple[Path, str]]:
     name = method.get("name", "auto")
     if name not in _METHODS:
         yield ("method", "name"), f"the method {name}"
-    if problem.get("final_attitude") is not None:
-        yield ("problem", "final_attitude"), "'final_attitude'"
     if mapping(problem.get("scenarios")).get("objective") == "worst":
         for index, phase in enumerate(map(mapping, listed(problem.get("phases")))):
             for key in ("terminal", "maximum"):

@@ -77,6 +77,9 @@ class PhaseView:
         merged |= {
             key: [*_unbounded(key, listed(shared.get(key))), *listed(self.phase.get(key))] for key in _LISTS
         }
+        attitude = self.phase.get("final_attitude")
+        if attitude is None and self.index == self.count - 1:
+            attitude = shared.get("final_attitude")
         if self.index:
             merged["initial_state"] = {"*": None, **merged["initial_state"]}
         return {
@@ -84,6 +87,7 @@ class PhaseView:
             "model": self.model,
             "initial_time": start,
             "final_time": end,
+            "final_attitude": attitude,
             "boundary_constraints": listed(self.phase.get("boundary_constraints")),
             "design": mapping(shared.get("design")),
             "data": mapping(self.outer.get("data")),

@@ -9,6 +9,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Field
 
 from solvers.expressions import quoted
+from solvers.spec.attitude import TargetQuaternion
 from solvers.spec.base import SpecModel
 from solvers.spec.checks import check_expression
 from solvers.spec.faults import Flaws, refuse
@@ -83,6 +84,9 @@ class PhaseSpec(SpecModel):
     """State -> bound at its begin; what is not named follows from the link."""
     final_state: Ends = Field(default_factory=dict)
     """State -> bound at its end; states that are not named are free."""
+    final_attitude: Annotated[list[Value], TargetQuaternion()] | None = None
+    """Quaternion, scalar part last, in which this phase ends, or its negative; not with q1 to q4 in
+    ``final_state``."""
     bounds: Bounds = Field(default_factory=dict)
     """State or control -> bound along this phase, instead of the common one."""
     control_rates: OfControls = Field(default_factory=dict)

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
-from scipy.optimize import root
+from scipy.optimize import minimize_scalar, root
 from scipy.spatial.transform import Rotation
 
 from solvers.backends import NUMPY
@@ -52,7 +52,8 @@ def document(modes: int = 2, actuators: str = "torque", **parameters: float) -> 
     }
 
 
-def answer(given: dict[str, Any]) -> Solution:
+def answer(given: dict[str, Any]) -> Any:
+    """The Solution, of phases where there are some."""
     return solve(check_document(given))
 
 
@@ -168,6 +169,37 @@ def test_either_sign_of_a_quaternion_is_the_same_attitude(sign: int, start: int)
     assert solution.verification.terminal_error == pytest.approx(0.0, abs=1e-8)
 
 
+@pytest.mark.parametrize("sign", [1, -1])
+def test_an_attitude_on_the_way_is_the_end_of_a_phase(sign: int) -> None:
+    """By 0.7 rad in half of the time, at a rate w that is free, then by 0.3 rad to rest.
+
+    The least energy of a turn by a from rate w0 to w1 in T is 12 D^2/T^3 - 12 D d/T^2 + 4 d^2/T with
+    D = a - w0 T, d = w1 - w0.
+    """
+
+    def energy(angle: float, before: float, after: float) -> float:
+        way, change = angle - 2 * before, after - before
+        return 1.5 * way**2 - 3 * way * change + 2 * change**2
+
+    given, part = document(0), math.sin(0.35) / 3
+    given["problem"]["phases"] = [
+        {
+            "name": "there",
+            "final_time": 2,
+            "final_attitude": [sign * value for value in (part, 2 * part, 2 * part, math.cos(0.35))],
+        },
+        {"name": "on"},
+    ]
+    solution = answer(given)
+    assert solution.success, solution.message
+    best = minimize_scalar(lambda w: energy(0.7, 0, w) + energy(0.3, w, 0), (0, 1), options={"xtol": 1e-14})
+    assert solution.objective == pytest.approx(best.fun, rel=1e-8)
+    met = solution.trajectory.parts[0].states_at(np.ones(1))[:4, 0]
+    assert np.abs(met) == pytest.approx(
+        [abs(value) for value in given["problem"]["phases"][0]["final_attitude"]], abs=1e-8
+    )
+
+
 @pytest.fixture(scope="module")
 def three_axis_slew() -> Solution:
     return answer(load_case("three_axis_slew"))
@@ -183,6 +215,16 @@ def test_three_axis_slew_is_that_of_bilimoria_and_wie(three_axis_slew: Solution)
     np.testing.assert_allclose(np.linalg.norm(states[:4], axis=0), 1.0, atol=1e-9)
     reference = load_case("three_axis_slew")["reference"]
     assert solution.objective == pytest.approx(reference["objective"], abs=1e-9)
+
+
+def test_three_axis_slew_takes_as_long_in_two_phases() -> None:
+    """By these switches or their mirror image."""
+    case = load_case("three_axis_slew")
+    case["problem"]["phases"] = [{"name": "first", "final_time": 1.5}, {"name": "second"}]
+    solution = answer(case)
+    assert solution.success, solution.message
+    assert solution.objective == pytest.approx(case["reference"]["objective"], abs=1e-9)
+    assert sum(len(item["times"]) for item in solution.switching.values()) == 5
 
 
 def spherical(t: float, y: Vector, torque: Vector) -> Vector:
@@ -264,6 +306,20 @@ def test_keep_out_slew_against_a_program_written_by_hand_and_the_published_figur
     tau = np.linspace(0, 1, 401)
     height = solution.problem.outputs_at(solution.trajectory, tau)["sensor_z"]
     assert height.max() <= math.sqrt(0.5) + 1e-7
+
+
+def test_mistakes_of_an_attitude_on_the_way() -> None:
+    given = document()
+    given["problem"]["phases"] = [
+        {"name": "there", "final_attitude": [0, 0, 0, 0]},
+        {"name": "back", "final_state": {"q1": 0}},
+    ]
+    assert refused(given, "/problem/phases/0/final_attitude", "not 0")
+    given["problem"]["phases"][0]["final_attitude"] = [0, 0, 0, 1]
+    assert refused(given, "/problem/phases/1/final_state/q1", "twice")
+    model = {"kind": "first_order", "states": ["y"], "controls": ["u"], "dynamics": {"y": "u"}}
+    given["problem"]["phases"][1] = {"name": "other", "model": model, "initial_state": {"y": 0}}
+    assert refused(given, "/problem/final_attitude", "a model of its own")
 
 
 MISTAKES: list[tuple[dict[str, Any], str, str]] = [
