@@ -24,7 +24,7 @@ from solvers.backends import NUMPY
 from solvers.expressions import combined, named, parse, product, total
 from solvers.guess import Start
 from solvers.problem import OptimalControlProblem
-from solvers.quantities import FREE, Constraint, DesignParameter, Integral
+from solvers.quantities import FREE, Constraint, DesignParameter, Total
 from solvers.scaling import Scaling, end_scales, magnitude
 from solvers.spec import ProblemSpec
 
@@ -110,7 +110,7 @@ def _begins(
             yield Constraint(name, f"/problem/{own}/{name}", named(f"{name}_0"), begin), scale, False
 
 
-def wishes_over_all(totals: Sequence[Integral], boundary: Sequence[Constraint]) -> list[Wish]:
+def wishes_over_all(totals: Sequence[Total], boundary: Sequence[Constraint]) -> list[Wish]:
     """What may give of what counts over all phases: integrals, and constraints on both ends of the flight."""
     limits = [Constraint(item.name, item.pointer, named(item.name), item.interval) for item in totals]
     return [

@@ -26,6 +26,9 @@ from solvers.quantities import FREE, Constraint, DesignParameter, Interval
 Vector = NDArray[np.float64]
 
 PEAK = "peak@"
+FLIGHT_PEAK = "peak@@"
+"""How the unknowns of peaks over several phases begin; no plant is called @."""
+_MAXIMUM = "/problem/objective/maximum"
 _SLACK = "slack@"
 _SAMPLES = 129
 _ABOVE: Interval = (0.0, np.inf)
@@ -37,19 +40,29 @@ def with_peak(problem: OptimalControlProblem, suffix: str = "") -> OptimalContro
     peak = problem.peak_cost
     if peak is None:
         return problem
-    name, pointer = PEAK + suffix, "/problem/objective/maximum"
-    values = _along_the_guess(problem, peak)
-    limit = Constraint(name, pointer + suffix, combined("-", peak, named(name)), (-np.inf, 0.0))
+    name = PEAK + suffix
     terminal = (
         named(name) if problem.terminal_cost is None else combined("+", problem.terminal_cost, named(name))
     )
+    below = below_peak(problem, peak, name, peak_of_guess(problem, peak))
+    return replace(below, peak_cost=None, terminal_cost=terminal)
+
+
+def below_peak(
+    problem: OptimalControlProblem, peak: Expression, name: str, guess: float
+) -> OptimalControlProblem:
+    """The problem with an unknown of this name, from ``guess`` on, that ``peak`` does not exceed anywhere."""
+    limit = Constraint(name, _MAXIMUM + name, combined("-", peak, named(name)), (-np.inf, 0.0))
     return replace(
         problem,
-        peak_cost=None,
-        terminal_cost=terminal,
         path=(*problem.path, limit),
-        design=(*problem.design, DesignParameter(name, FREE, float(values.max()))),
+        design=(*problem.design, DesignParameter(name, FREE, guess)),
     )
+
+
+def peak_of_guess(problem: OptimalControlProblem, peak: Expression) -> float:
+    """The largest value of an expression along the guess."""
+    return float(_along_the_guess(problem, peak).max())
 
 
 def lifted(problem: OptimalControlProblem) -> OptimalControlProblem:
@@ -100,12 +113,25 @@ def corners(problem: OptimalControlProblem) -> Iterator[tuple[str, str]]:
         ("/problem/objective/running", problem.running_cost),
     ]
     places += [
-        ("/problem/objective/maximum", item.expression) for item in problem.path if item.name.startswith(PEAK)
+        (_MAXIMUM, item.expression)
+        for item in problem.path
+        if item.name.startswith(PEAK) and not item.name.startswith(FLIGHT_PEAK)
     ]
     places += [(f"{item.pointer}/expression", item.expression) for item in problem.integrals]
     for pointer, expression in places:
-        if expression is not None and any(_has_corner(step) for step in expression.program):
+        if expression is not None and has_corners(expression):
             yield pointer, expression.text
+
+
+def nonsmooth(pointer: str, text: str) -> dict[str, str]:
+    """The warning that corners stay."""
+    detail = f"'{text}' keeps its corners; the optimizer expects smooth functions."
+    return {"code": "nonsmooth", "pointer": pointer, "detail": detail}
+
+
+def has_corners(expression: Expression) -> bool:
+    """Whether abs, sign, min or max is left in an expression."""
+    return any(map(_has_corner, expression.program))
 
 
 def _has_corner(step: Instruction) -> bool:

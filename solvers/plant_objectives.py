@@ -53,13 +53,42 @@ def with_level(whole: OptimalControlProblem, parts: Sequence[PlantPart]) -> Opti
     )
 
 
-def below_level(name: str, terminal: Expression | None, *, integrated: bool) -> Constraint:
-    """The objective of a plant, with its integrated running cost if it has one, kept below the level."""
-    terms = [] if terminal is None else [terminal]
-    if integrated:
-        terms.append(named(_cost(name)))
+def with_ends(whole: OptimalControlProblem, parts: Sequence[PlantPart]) -> OptimalControlProblem:
+    """The problem of one of several phases with an unknown that is at least the terminal cost of each plant.
+
+    Its costs at both ends of the phase, its peak too, add up over the phases (``end@<plant>``).
+    """
+    limits, unknowns = [], []
+    for part in parts:
+        cost, name = part.problem.terminal_cost, _end(part.name)
+        if cost is not None:
+            value = combined("-", cost, named(name))
+            limits.append(Constraint(name, f"/problem/objective/{name}", value, (-np.inf, 0.0)))
+            unknowns.append(DesignParameter(name, FREE, 0.0))
+    return replace(
+        whole,
+        terminal_cost=None,
+        boundary=(*whole.boundary, *limits),
+        design=(*whole.design, *unknowns),
+    )
+
+
+def costs_of(plant: str, wholes: Sequence[OptimalControlProblem]) -> list[str]:
+    """The names under which costs of a plant add up over one or several problems of all plants."""
+    known = {item.name for whole in wholes for item in whole.integrals}
+    known |= {item.name for whole in wholes for item in whole.design}
+    return [name for name in (_cost(plant), _end(plant)) if name in known]
+
+
+def below_level(name: str, terminal: Expression | None, added_up: Sequence[str]) -> Constraint:
+    """The objective of a plant, its terminal cost and what is ``added_up``, kept below the level."""
+    terms = [*([] if terminal is None else [terminal]), *map(named, added_up)]
     value = combined("-", total(terms), named(LEVEL))
     return Constraint(f"objective@{name}", "/problem/objective", value, (-np.inf, 0.0))
+
+
+def _end(name: str) -> str:
+    return f"end@{name}"
 
 
 def _cost(name: str) -> str:

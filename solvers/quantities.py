@@ -62,6 +62,15 @@ class Integral:
 
 
 @dataclass(frozen=True)
+class Total:
+    """What adds up over the parts of a flight under one name, held within ``interval``."""
+
+    name: str
+    pointer: str
+    interval: Interval = FREE
+
+
+@dataclass(frozen=True)
 class DesignParameter:
     """A parameter that is optimised too, within ``interval``, from ``guess``."""
 

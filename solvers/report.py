@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from solvers.backends import NUMPY
 from solvers.problem import OptimalControlProblem
-from solvers.quantities import Constraint, Integral, Interval
+from solvers.quantities import Constraint, Integral, Interval, Total
 from solvers.trajectory import Trajectory
 from solvers.violations import SMALLEST_SCALE, dense
 
@@ -69,7 +69,7 @@ def merged_margins(margins: Iterable[dict[str, Any]]) -> list[dict[str, Any]]:
 
 
 def said_of_the_ends(
-    boundary: Iterable[Constraint], integrals: Iterable[Integral], scope: Mapping[str, Any], tf: float
+    boundary: Iterable[Constraint], integrals: Iterable[Integral | Total], scope: Mapping[str, Any], tf: float
 ) -> Iterator[Quantity]:
     """Boundary constraints and integrals, whose values are known at the end; ``scope`` names both ends."""
     at = np.array([tf])

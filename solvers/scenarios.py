@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 
 from solvers.expressions import named
 from solvers.implied_ends import relaxed_ends
-from solvers.lifting import corners, lifted, with_peak
-from solvers.plant_objectives import LEVEL, averaged, below_level, same_objective, with_level
+from solvers.lifting import corners, lifted, nonsmooth, with_peak
+from solvers.plant_objectives import LEVEL, averaged, below_level, costs_of, same_objective, with_level
 from solvers.plants import Plant, PlantPart, together
 from solvers.problem import OptimalControlProblem
 from solvers.spec import ProblemSpec, ScenarioSpec
@@ -35,14 +35,7 @@ class Formulation:
 
         ``solved``: the problem of the two that gradients were taken of.
         """
-        found = [
-            {
-                "code": "nonsmooth",
-                "pointer": pointer,
-                "detail": f"'{text}' keeps its corners; the optimizer expects smooth functions.",
-            }
-            for pointer, text in corners(solved)
-        ]
+        found = [nonsmooth(*corner) for corner in corners(solved)]
         return [*found, *corner_warnings(solved), *implied_warnings(self.implied)]
 
 
@@ -116,8 +109,6 @@ def _chosen(whole: OptimalControlProblem, parts: Sequence[PlantPart], choice: st
         return averaged(whole, parts)
     whole = with_level(whole, parts)
     limits = [
-        below_level(part.name, own.terminal_cost, integrated=own.running_cost is not None)
-        for part in parts
-        for own in [part.problem]
+        below_level(part.name, part.problem.terminal_cost, costs_of(part.name, [whole])) for part in parts
     ]
     return replace(whole, terminal_cost=named(LEVEL), boundary=(*whole.boundary, *limits))

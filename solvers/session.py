@@ -20,7 +20,7 @@ from solvers.part import Part
 from solvers.problem import OptimalControlProblem
 from solvers.program import NonlinearProgram
 from solvers.progress import Progress, ProgressReport
-from solvers.quantities import Constraint, Integral
+from solvers.quantities import Constraint, Total
 from solvers.scaling import Scaling
 from solvers.solution import Statistics
 from solvers.solved import Ended, Optimisable, Solved, Stand
@@ -185,7 +185,7 @@ class Solving(Account, Generic[Ended]):
 
     @property
     @abstractmethod
-    def over_all(self) -> tuple[Sequence[Integral], Sequence[Constraint]]:
+    def over_all(self) -> tuple[Sequence[Total], Sequence[Constraint]]:
         """The integrals over all parts, and what else counts over all of them; nothing of a single one."""
 
     @abstractmethod
@@ -247,7 +247,7 @@ class Session(Solving[Solved]):
         return 0
 
     @property
-    def over_all(self) -> tuple[Sequence[Integral], Sequence[Constraint]]:
+    def over_all(self) -> tuple[Sequence[Total], Sequence[Constraint]]:
         """See :class:`Solving`."""
         return (), ()
 

@@ -22,11 +22,11 @@ from solvers.backends import NUMPY, Backend
 from solvers.elastic import place_in_document
 from solvers.errors import pointer
 from solvers.expressions import Expression, named, parse, total
-from solvers.lifting import corners, lifted, with_peak
+from solvers.lifting import FLIGHT_PEAK, corners, has_corners, lifted, nonsmooth, with_peak
 from solvers.phases.guess import chained_guesses, histories, nodes_by_phase, phase_times
 from solvers.plants import Plant
 from solvers.problem import End, OptimalControlProblem, Parameters, Values, at_the_ends, names_of
-from solvers.quantities import FREE, Constraint, Integral, Interval
+from solvers.quantities import FREE, Constraint, Interval, Total
 from solvers.reading import constraints, integrals
 from solvers.scenarios import cases_of
 from solvers.spec import (
@@ -86,16 +86,18 @@ class PhasedProblem:
     """Phases in their order, the links between them, and what the document says of the whole flight.
 
     ``parameters``: those of the common model; ``design``: names of design parameters that phases share;
-    ``totals``: integrals over the whole flight.
+    ``totals``: what adds up over the whole flight, as integrals do. The peak is that of phases of the common
+    model.
     """
 
     phases: tuple[Phase, ...]
     links: tuple[Link, ...]
     parameters: Mapping[str, float]
     design: tuple[str, ...]
-    totals: tuple[Integral, ...]
+    totals: tuple[Total, ...]
     boundary: tuple[Constraint, ...]
     terminal_cost: Expression | None
+    peak_cost: Expression | None = None
 
     @property
     def structure(self) -> Hashable:
@@ -131,15 +133,18 @@ class PhasedProblem:
     @property
     def warnings(self) -> list[dict[str, str]]:
         """Corners of the objective of a phase that no slack takes away, and of tables that no mesh meets."""
-        found = [
-            {
-                "code": "nonsmooth",
-                "pointer": phase.located(pointer),
-                "detail": f"'{text}' keeps its corners; the optimizer expects smooth functions.",
-            }
+        kept = [
+            (phase.located(pointer), text)
             for phase in self.phases
             for pointer, text in corners(phase.problem)
         ]
+        kept += {
+            ("/problem/objective/maximum", item.expression.text): None
+            for phase in self.phases
+            for item in phase.problem.path
+            if item.name.startswith(FLIGHT_PEAK) and has_corners(item.expression)
+        }
+        found = [nonsmooth(*item) for item in kept]
         for item in [item for phase in self.phases for item in corner_warnings(phase.problem)]:
             found += [item] if item not in found else []
         return found
@@ -165,8 +170,9 @@ class PhasedProblem:
         return {
             **last.end_scope(_of(last, final), parameters[1], backend, names_of(self.at_the_ends)),
             **first.begin_scope(_of(first, initial)),
-            **dict(zip((item.name for item in self.totals), totals, strict=True)),
             **parameters[0],
+            # What adds up over phases may be an unknown of each of them.
+            **dict(zip((item.name for item in self.totals), totals, strict=True)),
         }
 
 
@@ -211,7 +217,7 @@ def begin_after(
 
 
 def phased_problem(spec: ProblemSpec) -> PhasedProblem:
-    """The flight of a checked document, under one command for several plants that of the leading one."""
+    """The flight of a checked document as that says it; under one command that of the leading plant."""
     return flight_of(spec if spec.scenarios is None else cases_of(spec)[0].spec)
 
 
@@ -238,9 +244,13 @@ def flight_of(spec: ProblemSpec) -> PhasedProblem:
             if name not in {*spec.design, *spec.model.depending_on(spec.design)}
         },
         tuple(spec.design),
-        integrals(spec, spec.model.parameter_values()),
+        tuple(
+            Total(item.name, item.pointer, item.interval)
+            for item in integrals(spec, spec.model.parameter_values())
+        ),
         constraints(spec, "boundary_constraints", spec.model.parameter_values()),
         None if spec.objective.terminal is None else parse(spec.objective.terminal),
+        None if spec.objective.maximum is None else parse(spec.objective.maximum),
     )
     guesses = chained_guesses(
         list(_aimed(phases)),

@@ -9,16 +9,26 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
-from solvers.expressions import named, renamed
+from solvers.expressions import Expression, named, renamed
 from solvers.implied_ends import relaxed_ends
 from solvers.lifting import lifted
+from solvers.phases.peak import below_flight_peak, flight_peak, peaks_of, plus_peak, with_flight_peak
 from solvers.phases.problem import Link, Phase, PhasedProblem, flight_of
 from solvers.phases.trajectory import PhasedTrajectory
-from solvers.plant_objectives import LEVEL, averaged, below_level, mean, same_objective, with_level
+from solvers.plant_objectives import (
+    LEVEL,
+    averaged,
+    below_level,
+    costs_of,
+    mean,
+    same_objective,
+    with_ends,
+    with_level,
+)
 from solvers.plants import Plant, PlantPart, together
 from solvers.problem import OptimalControlProblem
-from solvers.quantities import Constraint, Integral
-from solvers.scenarios import NOMINAL, cases_of, implied_warnings
+from solvers.quantities import Constraint, Total
+from solvers.scenarios import NOMINAL, Case, cases_of, implied_warnings
 from solvers.spec import ProblemSpec
 
 
@@ -56,20 +66,25 @@ def formulate_phases(spec: ProblemSpec, tolerance: float = 0.0) -> PhasedFormula
     if spec.scenarios is None:
         alone = flight_of(spec)
         return PhasedFormulation(
-            alone, (FlightPlant("", alone, tuple(phase.plant for phase in alone.phases)),)
+            with_flight_peak(alone), (FlightPlant("", alone, tuple(phase.plant for phase in alone.phases)),)
         )
-    crew = [
-        _Member(
-            case.name,
-            flight,
-            [PlantPart.of(case.name, own.plant.problem, case.parameters) for own in flight.phases],
-        )
-        for case in cases_of(spec)
-        for flight in [flight_of(case.spec)]
-    ]
+    crew = [_member(case, flight_of(case.spec)) for case in cases_of(spec)]
     whole, implied = _implied(_together(crew, spec.scenarios.choice), crew, tolerance)
     plants = tuple(FlightPlant(own.name, own.flight, tuple(part.plant for part in own.parts)) for own in crew)
     return PhasedFormulation(whole, plants, implied)
+
+
+def _member(case: Case, flight: PhasedProblem) -> _Member:
+    """A plant whose peak over the whole flight, if it costs, is below an unknown of its own."""
+    parts = [PlantPart.of(case.name, own.plant.problem, case.parameters) for own in flight.phases]
+    if flight.peak_cost is not None:
+        peaks = [
+            peak and renamed(peak, part.names) for part, peak in zip(parts, peaks_of(flight), strict=True)
+        ]
+        problems = below_flight_peak([part.problem for part in parts], peaks, flight_peak(case.name))
+        pairs = zip(parts, problems, strict=True)
+        parts = [replace(part, problem=problem) for part, problem in pairs]
+    return _Member(case.name, flight, parts)
 
 
 @dataclass(frozen=True)
@@ -91,6 +106,12 @@ class _Member:
         begin = {name: new for name, new in self.parts[0].ends.items() if name.endswith("_0")}
         return {**self.names, **self.parts[-1].ends, **begin}
 
+    @property
+    def terminal_cost(self) -> Expression | None:
+        """What it costs at the ends of the whole flight, in the names of all plants, and its peak there."""
+        cost = self.flight.terminal_cost and renamed(self.flight.terminal_cost, self.ends)
+        return cost if self.flight.peak_cost is None else plus_peak(cost, flight_peak(self.name))
+
     def links(self) -> Iterator[Link]:
         """Its links, in the names of all plants."""
         for link, before, after in zip(self.flight.links, self.parts, self.parts[1:], strict=False):
@@ -107,27 +128,23 @@ def _together(crew: Sequence[_Member], choice: str) -> PhasedProblem:
     first = crew[0].flight
     phases = [list(parts) for parts in zip(*(own.parts for own in crew), strict=True)]
     wholes = [together(parts) for parts in phases]
-    ends = [cost and renamed(cost, own.ends) for own in crew for cost in [own.flight.terminal_cost]]
+    ends = [own.terminal_cost for own in crew]
     terminal, totals, limits = ends[0], list(_totals(crew)), list[Constraint]()
     design = first.design
+    if first.peak_cost is not None:
+        design = (*design, *(flight_peak(own.name) for own in crew))
     same = all(map(same_objective, phases)) and len({cost and cost.text for cost in ends}) == 1
     if choice == "mean" and not same:
         wholes = [averaged(*pair) for pair in zip(wholes, phases, strict=True)]
         terminal = mean(ends)
     elif choice != NOMINAL and not same:
-        before = [{item.name for item in whole.integrals} for whole in wholes]
-        wholes = [with_level(*pair) for pair in zip(wholes, phases, strict=True)]
-        costs = {
-            item.name: item
-            for whole, known in zip(wholes, before, strict=True)
-            for item in whole.integrals
-            if item.name not in known
-        }
-        totals += costs.values()
-        integrated = any(part.problem.running_cost is not None for part in crew[0].parts)
-        limits = [
-            below_level(own.name, cost, integrated=integrated) for own, cost in zip(crew, ends, strict=True)
+        wholes = [
+            with_ends(with_level(whole, parts), parts) for whole, parts in zip(wholes, phases, strict=True)
         ]
+        for own, cost in zip(crew, ends, strict=True):
+            added_up = costs_of(own.name, wholes)
+            totals += [Total(name, "/problem/objective") for name in added_up]
+            limits.append(below_level(own.name, cost, added_up))
         terminal, design = named(LEVEL), (*design, LEVEL)
     return PhasedProblem(
         tuple(_phase(own, whole) for own, whole in zip(first.phases, wholes, strict=True)),
@@ -148,9 +165,9 @@ def _phase(alone: Phase, whole: OptimalControlProblem) -> Phase:
     return replace(alone, problem=lifted(whole), plant=Plant(alone.name, whole))
 
 
-def _totals(crew: Sequence[_Member]) -> Iterator[Integral]:
+def _totals(crew: Sequence[_Member]) -> Iterator[Total]:
     """The integrals over the whole flight, of every plant where they differ."""
-    found: dict[str, Integral] = {}
+    found: dict[str, Total] = {}
     for own in crew:
         for item in own.flight.totals:
             name = own.names.get(item.name, item.name)

@@ -15,7 +15,7 @@ from solvers.part import Part
 from solvers.phases.problem import PhasedProblem, begin_after
 from solvers.phases.trajectory import PhasedTrajectory
 from solvers.phases.transcription import PhasedTranscription
-from solvers.quantities import FREE, Constraint, Integral
+from solvers.quantities import FREE, Constraint, Total
 from solvers.scaling import Scaling
 from solvers.session import Solving
 from solvers.solved import Optimisable, Solved, Stand
@@ -71,7 +71,7 @@ class PhasedSession(Solving[PhasedSolved]):
         return self.problem.joints + sum(lower == upper for lower, upper in over_all)
 
     @property
-    def over_all(self) -> tuple[Sequence[Integral], Sequence[Constraint]]:
+    def over_all(self) -> tuple[Sequence[Total], Sequence[Constraint]]:
         """See :class:`~solvers.session.Solving`."""
         return self.problem.totals, self.problem.boundary
 

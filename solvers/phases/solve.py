@@ -19,7 +19,7 @@ from solvers.improve import Improved, reach
 from solvers.judgement import flown_in_time, judged
 from solvers.model_report import model_report
 from solvers.optimizers.outcome import Limits
-from solvers.phases.problem import PhasedProblem, phased_problem
+from solvers.phases.problem import PhasedProblem
 from solvers.phases.scenarios import FlightPlant, formulate_phases
 from solvers.phases.session import PhasedSession, PhasedSolved
 from solvers.phases.solution import FlightAnswer, PhasedSolution
@@ -183,7 +183,8 @@ def _margins(
 
 
 def _sensitivity(spec: ProblemSpec, problem: PhasedProblem, solved: PhasedSolved) -> dict[str, float | None]:
-    return slopes(spec, solved.transcription, solved.outcome, _varied(spec, problem), phased_problem)
+    varied = _varied(spec, problem)
+    return slopes(spec, solved.transcription, solved.outcome, varied, lambda it: formulate_phases(it).problem)
 
 
 def _varied(spec: ProblemSpec, problem: PhasedProblem) -> Iterator[tuple[Place, Value, Mapping[str, float]]]:

@@ -229,13 +229,17 @@ class PhasedTranscription:
         return [self._spread(index, rows) for rows in self.parts[index].scalar_rows(name, 1)]
 
     def _total_rows(self, number: int) -> list[sparse.csr_array]:
-        """Rows of an integral of the whole flight in every phase that has it."""
+        """Rows of what adds up over the whole flight, in every phase that has it."""
         name = self.problem.totals[number].name
         return [
-            self._scalars(k, "integrals")[index]
+            self._scalars(k, kind)[index]
             for k, part in enumerate(self.parts)
-            for index, item in enumerate(part.problem.integrals)
-            if item.name == name
+            for kind, names in (
+                ("integrals", [item.name for item in part.problem.integrals]),
+                ("design", [item.name for item in part.problem.design]),
+            )
+            for index, own in enumerate(names)
+            if own == name
         ]
 
     def _spread(self, index: int, rows: sparse.csr_array) -> sparse.csr_array:

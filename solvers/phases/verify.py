@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from solvers.backends import NUMPY
 from solvers.boundary import End, Scales, boundary_violation
+from solvers.phases.peak import peak_along
 from solvers.phases.problem import PhasedProblem, begin_after
 from solvers.phases.trajectory import PhasedTrajectory
 from solvers.trajectory import Trajectory
@@ -57,7 +58,7 @@ def verify_phases(
         max_state_error=_worst([part.max_state_error for part in parts]),
         max_bound_violation=max(part.max_bound_violation for part in parts),
         max_path_violation=max(part.max_path_violation for part in parts),
-        objective=_objective(problem, parts, scope),
+        objective=_objective(problem, answer, parts, scope),
         integrals=totals([part.integrals for part in parts]),
         growth=None if any(part.growth is None for part in parts) else _product(parts),
         states={name: _state(name, parts) for name in problem.states},
@@ -152,14 +153,21 @@ def _scales(part: Trajectory) -> Scales:
 
 
 def _objective(
-    problem: PhasedProblem, parts: Sequence[Verification], scope: Mapping[str, Any]
+    problem: PhasedProblem,
+    answer: PhasedTrajectory,
+    parts: Sequence[Verification],
+    scope: Mapping[str, Any],
 ) -> float | None:
     costs = [part.objective for part in parts if part.objective is not None]
     if len(costs) < len(parts):
         return None
     with np.errstate(all="ignore"):
-        terminal = problem.terminal_cost
-        return sum(costs) + (0.0 if terminal is None else float(terminal.evaluate(scope, NUMPY.functions)))
+        terminal, peak = problem.terminal_cost, peak_along(problem, answer)
+        return (
+            sum(costs)
+            + peak
+            + (0.0 if terminal is None else float(terminal.evaluate(scope, NUMPY.functions)))
+        )
 
 
 def _state(name: str, parts: Sequence[Verification]) -> StateReport:

@@ -85,6 +85,9 @@ def _check_common(scope: Scope, views: Sequence[PhaseView], flaws: Flaws) -> Non
         if view.has_own_model and scope.problem.get(key):
             detail = f"the {which} phase has a model of its own: what is said here belongs there"
             flaws.add(detail, "problem", key)
+    if all(view.has_own_model for view in views) and mapping(scope.problem.get("objective")).get("maximum"):
+        detail = "every phase has a model of its own: its peak is said in its own objective"
+        flaws.add(detail, "problem", "objective", "maximum")
     for place, expression in _over_the_flight(scope.problem):
         try:
             names = parse(expression).names
@@ -108,18 +111,9 @@ def _over_the_flight(problem: Mapping[str, Any]) -> Iterator[tuple[Path, Any]]:
 
 def _not_done(document: Mapping[str, Any]) -> Iterator[tuple[Path, str]]:
     """Yield what a flight of phases cannot work with yet: place in the document, and what it is."""
-    problem, method = mapping(document.get("problem")), mapping(document.get("method"))
-    name = method.get("name", "auto")
+    name = mapping(document.get("method")).get("name", "auto")
     if name not in _METHODS:
         yield ("method", "name"), f"the method {name}"
-    if mapping(problem.get("scenarios")).get("objective") == "worst":
-        for index, phase in enumerate(map(mapping, listed(problem.get("phases")))):
-            for key in ("terminal", "maximum"):
-                if mapping(phase.get("objective")).get(key) is not None:
-                    place = ("problem", "phases", index, "objective", key)
-                    yield place, "the worst of several plants and a cost at the end of a phase or of its peak"
-    if mapping(problem.get("objective")).get("maximum") is not None:
-        yield ("problem", "objective", "maximum"), "a maximum over the whole flight (that of a phase is done)"
 
 
 def _interval(bound: Any, model: Any) -> Interval | None:

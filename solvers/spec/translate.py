@@ -71,6 +71,13 @@ _OBJECTS: dict[str, type[SpecModel]] = {
     "tracking": Tracking,
 }
 
+_BESIDE_PHASES = {
+    "model": "that of all phases without a model of their own",
+    "final_time": "when the last phase ends, as a value or bounds, also where that phase says it itself",
+    "initial_state": "where the first phase begins; {} where that has a model of its own",
+    "objective": 'what counts over the whole flight; {"terminal": 0} where the phases say all of it',
+}
+
 
 def translate(error: ValidationError, scope: Scope, whole: type[SpecModel] = JobSpec) -> Iterator[Fault]:
     """Yield one fault for every mistake that pydantic found in a document that is a ``whole``."""
@@ -106,6 +113,8 @@ def _flaws_of(error: ErrorDetails, scope: Scope, whole: type[SpecModel]) -> Iter
         yield loc, f"unknown key {quoted(key)}{scope.suggest(key, keys)}", "invalid"
     elif error["type"] in ("union_tag_invalid", "union_tag_not_found"):
         yield _tag_flaw(loc, error["input"], scope)
+    elif error["type"] == "missing" and loc[:-1] == ("problem",) and scope.problem.get("phases"):
+        yield loc, f"is required beside phases too: {_BESIDE_PHASES[str(loc[-1])]}", "invalid"
     else:
         yield loc, _sentence(error), "invalid"
 

@@ -91,6 +91,15 @@ def faults(**changes: Any) -> dict[str, str]:
             "/problem/objective/terminal",
             "the last phase knows no 'x_f'",
         ),
+        (
+            {
+                "phases": [{"name": "own", "model": OTHER_MODEL, "initial_state": {"y": 0}}],
+                "initial_state": {},
+                "objective": {"maximum": "u"},
+            },
+            "/problem/objective/maximum",
+            "in its own objective",
+        ),
         ({"initial_state": {}}, "/problem/initial_state", "'x' is missing"),
         ({"bounds": {"u": [1, 0]}}, "/problem/bounds/u", "crossed"),
         (
@@ -109,6 +118,31 @@ def test_a_mistake_is_named_where_it_stands(changes: dict[str, Any], pointer: st
     assert words in found[pointer]
 
 
+def test_what_stands_beside_phases_that_say_all_of_it() -> None:
+    """As the messages about keys that are missing say."""
+    phase = {"model": OTHER_MODEL, "objective": {"running": "u^2"}}
+    document: dict[str, Any] = {
+        "problem": {
+            "phases": [
+                {**phase, "name": "one", "final_time": 1, "initial_state": {"y": 0}},
+                {**phase, "name": "two", "final_time": 2, "final_state": {"y": 1}},
+            ]
+        }
+    }
+    with pytest.raises(DocumentError) as caught:
+        check_document(document)
+    found = {fault.pointer: fault.detail for fault in caught.value.faults}
+    assert set(found) == {f"/problem/{key}" for key in ("model", "final_time", "initial_state", "objective")}
+    assert all("beside phases too: " in detail for detail in found.values())
+    document["problem"] |= {
+        "model": OTHER_MODEL,
+        "final_time": [1, 3],
+        "initial_state": {},
+        "objective": {"terminal": 0},
+    }
+    assert check_document(document).problem.phases[1].name == "two"
+
+
 def test_every_mistake_is_reported_at_once() -> None:
     found = faults(
         first={"bounds": {"uu": 0}}, second={"final_state": {"z": 0}}, links=[{"from": "one", "to": "tow"}]
@@ -124,14 +158,6 @@ def test_every_mistake_is_reported_at_once() -> None:
     ("changes", "pointer"),
     [
         ({"method": {"name": "ga"}}, "/method/name"),
-        (
-            {
-                "scenarios": {"objective": "worst", "cases": [{"name": "soft"}]},
-                "first": {"objective": {"terminal": "x_f"}},
-            },
-            "/problem/phases/0/objective/terminal",
-        ),
-        ({"objective": {"maximum": "u"}}, "/problem/objective/maximum"),
     ],
 )
 def test_what_is_not_done_yet(changes: dict[str, Any], pointer: str) -> None:
