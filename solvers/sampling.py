@@ -23,7 +23,7 @@ def sample(
     problem: OptimalControlProblem, trajectory: Trajectory, times: Vector, *, derivatives: bool = False
 ) -> dict[str, Any]:
     """The ``trajectory`` of a result at these times: that of the curves, rated controls, and ``outputs``."""
-    outputs = problem.outputs_at(trajectory, trajectory.one_sided(times))
+    outputs = problem.outputs_at(trajectory, trajectory.one_sided(times)) if problem.outputs else {}
     sampled = trajectory.sample(times, derivatives=derivatives)
     # Controls whose rates are chosen are states of the problem, but controls of the document.
     rated = {name: sampled["states"][name] for name in problem.rated}

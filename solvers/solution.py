@@ -28,6 +28,8 @@ from solvers.verification import Verification
 
 Vector = NDArray[np.float64]
 
+_ONLY_FLOATS = {float}
+
 # Times that are closer than this part of the whole are the same.
 _ROUNDING = 1e-9
 
@@ -244,16 +246,18 @@ def provenance() -> dict[str, Any]:
 
 def finite(value: Any) -> Any:
     """A JSON value with None for every number that is not finite."""
-    if isinstance(value, float):
-        return value if math.isfinite(value) else None
-    if isinstance(value, str | int | None):
-        return value
     # Asked first by type: to ask whether something is a Mapping takes long.
-    if type(value) is dict or isinstance(value, Mapping):
-        return {key: finite(item) for key, item in value.items()}
-    if isinstance(value, list | tuple):
+    kind = type(value)
+    if kind is float:
+        return value if math.isfinite(value) else None
+    if kind is str or kind is bool or kind is int or value is None:
+        return value
+    if kind is list or isinstance(value, list | tuple):
         # Most lists are the numbers of a history.
-        if all(type(item) is float for item in value) and all(map(math.isfinite, value)):
+        if set(map(type, value)) == _ONLY_FLOATS and all(map(math.isfinite, value)):
             return [*value]
         return [finite(item) for item in value]
-    return value
+    if kind is dict or isinstance(value, Mapping):
+        return {key: finite(item) for key, item in value.items()}
+    # Of a class derived from float, as NumPy's.
+    return None if isinstance(value, float) and not math.isfinite(value) else value

@@ -81,7 +81,8 @@ class CubicSplineSpace:
         Raises ValueError for points outside [0, 1], another order of derivative, or misshapen coefficients.
         """
         _check_derivative(derivative)
-        spline = BSpline(self._clamped(DEGREE), self._checked(coefficients), DEGREE)
+        # Without the checks of BSpline, which take as long as the evaluation: they hold for this space.
+        spline = BSpline.construct_fast(self._knots_of_splines, self._checked(coefficients), DEGREE)
         values: Array = spline(_inside(points), nu=derivative)
         return values
 
@@ -190,6 +191,10 @@ class CubicSplineSpace:
         matrix = sparse.csr_array(sparse.coo_array((entries.ravel(), indices), shape=shape))
         matrix.eliminate_zeros()
         return matrix
+
+    @cached_property
+    def _knots_of_splines(self) -> Array:
+        return self._clamped(DEGREE)
 
     def _clamped(self, degree: int) -> Array:
         """Knot vector of the B-splines of ``degree``: both ends stand ``degree`` times more."""

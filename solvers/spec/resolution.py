@@ -74,6 +74,8 @@ def canonical_json(document: Any) -> str:
 
 
 def _canonical(value: Any) -> Any:
+    if isinstance(value, str):
+        return value
     if isinstance(value, dict):
         return {key: _canonical(item) for key, item in value.items()}
     if isinstance(value, list):
@@ -110,6 +112,8 @@ def _fields(kind: type[SpecModel]) -> tuple[tuple[str, str, bool], ...]:
 
 
 def _plain(value: Any, path: Path, defaults: list[Path], given: bool) -> Any:
+    if isinstance(value, str | float | int | None):
+        return value
     if isinstance(value, SpecModel):
         return _plain_object(value, path, defaults, given)
     if isinstance(value, dict):
