@@ -21,6 +21,7 @@ from solvers.solved import Ended, Stand
 from solvers.starts import several_starts
 from solvers.status import SolveStatus
 from solvers.transcription.base import Transcription
+from solvers.winding import unwound
 
 Starts = Sequence[Start]
 """A start for each part."""
@@ -86,6 +87,20 @@ def _starts(session: Solving[Ended], count: int) -> Iterator[Starts]:
     yield from zip(*(own[1:] for own in several), strict=True)
 
 
+def _without_turns(
+    session: Solving[Ended], mesh: Mesh, solved: Ended, label: str, share: tuple[float, float]
+) -> Ended:
+    """The answer, solved once more where controls that are angles went round between nodes."""
+    if not solved.converged:
+        return solved
+    found = [unwound(own.transcription.problem, own.trajectory) for own in solved.parts]
+    if not any(found):
+        return solved
+    starts = [item or own.trajectory for item, own in zip(found, solved.parts, strict=True)]
+    again = session.solve_parts(_on(session, mesh, starts), label, share, warm=True)
+    return again if again.converged else solved
+
+
 def _continue(
     session: Solving[Ended],
     meshes: Sequence[Mesh],
@@ -107,6 +122,7 @@ def _continue(
         obeys = all(isinstance(start, CubicStart) for start in starts)
         transcriptions = _on(session, mesh, starts)
         solved = session.solve_parts(transcriptions, label, part, warm=starts is not first, obeys=obeys)
+        solved = _without_turns(session, mesh, solved, label, part)
         unmet = asks_why and solved.outcome.status is SolveStatus.INFEASIBLE
         if solved.stopped or (unmet and index == count - 2):
             break

@@ -11,14 +11,14 @@ document can use; the verification flies the document's own expressions.
 from __future__ import annotations
 
 import operator
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from solvers.backends import NUMPY
-from solvers.expressions import Code, Expression, combined, named, parse, product
+from solvers.expressions import Code, Expression, combined, named, operand_of, parse, part_of, product
 from solvers.expressions.expression import Instruction, divide
 from solvers.problem import OptimalControlProblem
 from solvers.quantities import FREE, Constraint, DesignParameter, Interval
@@ -100,9 +100,14 @@ def lifted(problem: OptimalControlProblem) -> OptimalControlProblem:
     )
 
 
+def is_slack(name: str) -> bool:
+    """Whether a control is a slack."""
+    return name.startswith(_SLACK)
+
+
 def bounded_only(problem: OptimalControlProblem) -> frozenset[str]:
     """The integrals with slacks, which may be as large as their bounds: their sums are not the integrals."""
-    slacks = [name for name in problem.controls if name.startswith(_SLACK)]
+    slacks = list(filter(is_slack, problem.controls))
     return frozenset(item.name for item in problem.integrals if not item.expression.names.isdisjoint(slacks))
 
 
@@ -158,7 +163,7 @@ class _Lifting:
         while corner < stop:
             code, payload = program[stop - 1]
             mark = _MARKS.get(payload, "") if code == Code.OPERATOR else ""
-            right = _part(expression, _right_operand(program[:stop]), stop - 1) if mark else None
+            right = part_of(expression, operand_of(program[:stop]), stop - 1) if mark else None
             if right is not None and mark in "+-":
                 behind.append((mark, right, sign if mark == "+" else -sign))
             elif right is not None and (factor := self._constant(right)) is not None:
@@ -167,7 +172,7 @@ class _Lifting:
             else:
                 break
             stop -= len(right.program) + 1
-        result = _part(expression, 0, stop)
+        result = part_of(expression, 0, stop)
         if corner < stop:
             result = self._lift_last(result, sign)
         for mark, right, its_sign in reversed(behind):
@@ -219,31 +224,9 @@ def _split(expression: Expression) -> tuple[Instruction, list[Expression]]:
     if code in (Code.NAME, Code.NUMBER):
         return program[last], []
     if code not in (Code.OPERATOR, Code.PAIR):
-        return program[last], [_part(expression, 0, last)]
-    right = _right_operand(program)
-    return program[last], [_part(expression, 0, right), _part(expression, right, last)]
-
-
-def _right_operand(program: Sequence[Instruction]) -> int:
-    """Where the second operand of the last operation begins."""
-    start, wanted = len(program) - 1, 1
-    while wanted:
-        start -= 1
-        code = program[start][0]
-        wanted += (code in (Code.OPERATOR, Code.PAIR)) - (code in (Code.NAME, Code.NUMBER))
-    return start
-
-
-def _part(expression: Expression, start: int, stop: int) -> Expression:
-    if (start, stop) == (0, len(expression.program)):
-        return expression
-    program = expression.program[start:stop]
-    names = {payload: 0 for code, payload in program if code in (Code.NAME, Code.LOOKUP)}
-    operations = sum(code not in (Code.NAME, Code.NUMBER) for code, _ in program)
-    called = expression.called & names.keys()
-    # Structures are told apart by their texts: this one is as long as the part.
-    text = " ".join(str(getattr(payload, "__name__", payload)) for _, payload in program)
-    return Expression(text, names, operations, program, called)
+        return program[last], [part_of(expression, 0, last)]
+    right = operand_of(program)
+    return program[last], [part_of(expression, 0, right), part_of(expression, right, last)]
 
 
 def _along_the_guess(problem: OptimalControlProblem, expression: Expression) -> Vector:

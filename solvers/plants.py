@@ -18,6 +18,7 @@ from solvers.dynamics import Body, Dynamics
 from solvers.expressions import Expression, renamed
 from solvers.lifting import bounded_only, with_peak
 from solvers.models import Formula
+from solvers.polar import Pair
 from solvers.problem import OptimalControlProblem
 from solvers.quantities import Constraint, Integral, NamedQuantity
 from solvers.trajectory import Trajectory
@@ -27,19 +28,24 @@ from solvers.trajectory import Trajectory
 class Plant:
     """One of the plants: its ``problem`` as if it were alone, and where its states are in an answer.
 
-    ``names``: what is called otherwise in the problem of all plants -> its name there.
+    ``names``: what is called otherwise in the problem of all plants -> its name there; ``pairs``: controls
+    that stand there as a size and an angle.
     """
 
     name: str
     problem: OptimalControlProblem
     names: Mapping[str, str] = field(default_factory=dict)
+    pairs: tuple[Pair, ...] = ()
 
     def trajectory(self, answer: Trajectory) -> Trajectory:
         """The part of an answer that is this plant's, under the plant's own names."""
+        controls = dict(answer.controls)
+        for pair in self.pairs:
+            controls |= pair.components(answer.controls)
         return replace(
             answer,
             states={name: answer.states[self.names.get(name, name)] for name in self.problem.states},
-            controls={name: answer.controls[name] for name in self.problem.controls},
+            controls={name: controls[name] for name in self.problem.controls},
             design={item.name: answer.design[item.name] for item in self.problem.design},
         )
 

@@ -10,6 +10,7 @@ from solvers.implied_ends import relaxed_ends
 from solvers.lifting import corners, lifted, nonsmooth, with_peak
 from solvers.plant_objectives import LEVEL, averaged, below_level, costs_of, same_objective, with_level
 from solvers.plants import Plant, PlantPart, together
+from solvers.polar import in_polar
 from solvers.problem import OptimalControlProblem
 from solvers.spec import ProblemSpec, ScenarioSpec
 from solvers.time_knots import corner_warnings
@@ -58,7 +59,8 @@ def formulate(spec: ProblemSpec, tolerance: float = 0.0) -> Formulation:
     if spec.scenarios is None:
         problem = OptimalControlProblem.from_spec(spec)
         whole = with_peak(problem)
-        return Formulation(lifted(whole), whole, (Plant("", problem),))
+        smooth, pairs = in_polar(whole)
+        return Formulation(lifted(smooth), whole, (Plant("", problem, pairs=pairs),))
     parts = [
         PlantPart.of(case.name, OptimalControlProblem.from_spec(case.spec), case.parameters)
         for case in cases_of(spec)

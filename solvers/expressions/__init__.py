@@ -3,7 +3,16 @@
 Own tokenizer and Pratt parser; what is read is never handed to Python's ``eval`` or ``ast``.
 """
 
-from solvers.expressions.compose import combined, named, positive_part, product, renamed, total
+from solvers.expressions.compose import (
+    combined,
+    named,
+    operand_of,
+    part_of,
+    positive_part,
+    product,
+    renamed,
+    total,
+)
 from solvers.expressions.expression import Code, Expression
 from solvers.expressions.parser import (
     MAX_CHARACTERS,
@@ -38,7 +47,9 @@ __all__ = [
     "combined",
     "did_you_mean",
     "named",
+    "operand_of",
     "parse",
+    "part_of",
     "positive_part",
     "product",
     "quoted",

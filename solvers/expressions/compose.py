@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from functools import reduce
 
-from solvers.expressions.expression import Code, Expression
+from solvers.expressions.expression import Code, Expression, Instruction
 from solvers.expressions.parser import instruction, parse
 
 
@@ -58,3 +58,26 @@ def renamed(expression: Expression, names: Mapping[str, str]) -> Expression:
     changes = ", ".join(f"{name}: {names[name]}" for name in expression.positions if name in names)
     called = frozenset(names.get(name, name) for name in expression.called)
     return Expression(f"{expression.text} {{{changes}}}", positions, expression.operations, program, called)
+
+
+def operand_of(program: Sequence[Instruction]) -> int:
+    """Where the last operand of the last operation of a program begins."""
+    start, wanted = len(program) - 1, 1
+    while wanted:
+        start -= 1
+        code = program[start][0]
+        wanted += (code in (Code.OPERATOR, Code.PAIR)) - (code in (Code.NAME, Code.NUMBER))
+    return start
+
+
+def part_of(expression: Expression, start: int, stop: int) -> Expression:
+    """Return the part of an expression that these instructions make up."""
+    if (start, stop) == (0, len(expression.program)):
+        return expression
+    program = expression.program[start:stop]
+    names = {payload: 0 for code, payload in program if code in (Code.NAME, Code.LOOKUP)}
+    operations = sum(code not in (Code.NAME, Code.NUMBER) for code, _ in program)
+    called = expression.called & names.keys()
+    # Structures are told apart by their texts: this one is as long as the part.
+    text = " ".join(str(getattr(payload, "__name__", payload)) for _, payload in program)
+    return Expression(text, names, operations, program, called)

@@ -15,6 +15,7 @@ from typing import Any, Generic
 
 import numpy as np
 
+from solvers.lifting import is_slack
 from solvers.limits import limits_of
 from solvers.part import Part
 from solvers.problem import OptimalControlProblem
@@ -87,7 +88,7 @@ def is_refinable(parts: Sequence[Part]) -> bool:
 
 def _has_arcs(problem: OptimalControlProblem) -> bool:
     ends = [*problem.initial_control, *problem.final_control]
-    if any("@" in name for name in problem.controls):
+    if any(map(is_slack, problem.controls)):
         return False  # slacks are no controls that switch
     return not np.isfinite(ends).any() and all(item.during == WHOLE_SPAN for item in problem.path)
 

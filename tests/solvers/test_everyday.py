@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 from scipy.integrate import quad, solve_ivp
-from scipy.optimize import brentq, fsolve
+from scipy.optimize import brentq, fsolve, minimize
 
 from solvers.solution import Solution
 from solvers.solve import solve
@@ -160,3 +160,82 @@ def test_an_orbit_in_metres_is_judged_like_one_in_units_of_its_own() -> None:
         }
     )
     assert solution.objective == pytest.approx(-1.525, abs=1e-3)
+
+
+def test_a_landing_by_a_thrust_vector_that_burns_by_its_length() -> None:
+    """Nothing, then full thrust by the linear tangent law: the least fuel to the ground at rest.
+
+    Reference: over the instants and the law by SciPy, integrated by itself (Lawden, Optimal Trajectories for
+    Space Navigation, 1963, chapter 5).
+    """
+    g, c, most, start = 1.62, 3000.0, 6000.0, np.array([-5000.0, 3000.0, 100.0, -20.0, 1500.0])
+
+    def end(unknown: Vector) -> Vector:
+        coast, burn, turn, right, up = unknown * [30.0, 40.0, 2.0, 0.01, 0.01]
+        fallen = start + np.array([start[2], start[3] - 0.5 * g * coast, 0.0, -g, 0.0]) * coast
+        law = np.array([np.cos(turn), np.sin(turn)]), np.array([right, up])
+
+        def rates(t: float, y: Vector) -> list[float]:
+            pushed = law[0] + law[1] * t
+            pushed *= most / np.linalg.norm(pushed)
+            return [y[2], y[3], pushed[0] / y[4], pushed[1] / y[4] - g, -most / c]
+
+        flown = solve_ivp(rates, (0.0, burn), fallen, method="DOP853", rtol=1e-11, atol=1e-9)
+        return np.asarray(flown.y[:, -1])
+
+    best = minimize(
+        lambda unknown: unknown[1],
+        [1.0, 1.0, 1.2, 0.5, 0.5],
+        constraints={"type": "eq", "fun": lambda unknown: end(unknown)[:4] / [1e3, 1e3, 10.0, 10.0]},
+        method="SLSQP",
+        options={"ftol": 1e-13, "maxiter": 200},
+    )
+    assert best.success, best.message
+    rates = {"x": "vx", "y": "vy", "vx": "Tx/m", "vy": "Ty/m - g", "m": "-sqrt(Tx^2 + Ty^2 + 1e-9)/c"}
+    solution = solved(
+        {
+            "model": first_order(rates, ["Tx", "Ty"], g=g, c=c),
+            "final_time": [10, 400],
+            "initial_state": dict(zip(rates, start.tolist(), strict=True)),
+            "final_state": {"x": 0, "y": 0, "vx": 0, "vy": 0},
+            "bounds": {"y": [0, None], "m": [500, 1500]},
+            "path_constraints": [{"name": "thrust", "expression": "Tx^2 + Ty^2", "bounds": [None, "6000^2"]}],
+            "objective": {"terminal": "-m_f"},
+        }
+    )
+    assert solution.objective == pytest.approx(-1500.0 + 40.0 * best.x[1] * most / c, abs=1e-5)
+
+
+def test_a_heading_that_is_any_number_of_turns() -> None:
+    """An airliner through a jet stream, by Zermelo's law shot at its destination (Bryson and Ho, 2.7)."""
+    speed, strong, middle, wide, way = 230.0, 45.0, 150e3, 80e3, 1500e3
+
+    def wind(y: float) -> float:
+        return float(-strong * np.exp(-(((y - middle) / wide) ** 2)))
+
+    def flown(unknown: Vector) -> Vector:
+        def rates(_: float, y: Vector) -> list[float]:
+            slope = -2.0 * (y[1] - middle) / wide**2 * wind(y[1])
+            return [
+                speed * np.cos(y[2]) + wind(y[1]),
+                speed * np.sin(y[2]),
+                -(np.cos(y[2]) ** 2) * slope,
+            ]
+
+        begin = [0.0, 100e3, unknown[0]]
+        span = 0.0, 7000.0 * unknown[1]
+        flight = solve_ivp(rates, span, begin, method="DOP853", rtol=1e-12, atol=1e-9)
+        return np.array([flight.y[0, -1] - way, flight.y[1, -1] - 100e3]) / 1e5
+
+    _, late = fsolve(flown, [-0.48, 0.97], xtol=1e-12)
+    states = {"x": "V*cos(psi) - U*exp(-((y - y0)/w)^2)", "y": "V*sin(psi)"}
+    solution = solved(
+        {
+            "model": first_order(states, ["psi"], V=speed, U=strong, y0=middle, w=wide),
+            "final_time": [1000, 20000],
+            "initial_state": {"x": 0, "y": 100e3},
+            "final_state": {"x": way, "y": 100e3},
+            "objective": {"terminal": "tf"},
+        }
+    )
+    assert solution.objective == pytest.approx(7000.0 * late, rel=1e-9)
