@@ -148,7 +148,10 @@ def _within_reach(problem: OptimalControlProblem, scales: Vector, controls: Vect
 
 
 def _moving(problem: OptimalControlProblem, states: Vector, controls: Vector) -> Vector:
-    """Controls of which nothing is said: as much as moves a state by its scale in the time of the guess."""
+    """Controls of which nothing is said: as much as moves a state by its scale in the time of the guess.
+
+    Where the model by itself moves states by far more in that time, what a control does is over long before.
+    """
     guess, middle, found = problem.guess, np.array([0.5]), controls.copy()
     levels = guess.controls_at(middle)
     bounded = np.isfinite(np.array(problem.control_bounds, np.float64).reshape(-1, 2)).all(axis=1)
@@ -156,9 +159,14 @@ def _moving(problem: OptimalControlProblem, states: Vector, controls: Vector) ->
         moved = np.repeat(levels, 2, axis=1)
         moved[index] = controls[index] * np.array([1.0, -1.0])
         parameters, time = {**problem.parameters, **guess.design}, guess.t0 + 0.5 * (guess.tf - guess.t0)
-        at = np.repeat(guess.states_at(middle), 2, axis=1)
+        at, times = np.repeat(guess.states_at(middle), 2, axis=1), np.full(2, time)
         with np.errstate(all="ignore"):
-            rates = problem.rate(at, moved, np.full(2, time), parameters, NUMPY)
+            aside = at + states[:, None] * np.array([1.0, -1.0])
+            own = problem.rate(aside, np.repeat(levels, 2, axis=1), times, parameters, NUMPY)
+            drift = [np.max(np.abs(rate)) * (guess.tf - guess.t0) for rate in own]
+            if np.any(np.array(drift) > _FAR * states):
+                continue
+            rates = problem.rate(at, moved, times, parameters, NUMPY)
             slopes = np.array([np.ptp(np.broadcast_to(rate, 2)) for rate in rates]) / (2.0 * controls[index])
             most = float(np.max(np.nan_to_num(slopes * (guess.tf - guess.t0) / states, posinf=0.0)))
         if most > 0.0 and not 1.0 / _FAR <= most * controls[index] <= _FAR:

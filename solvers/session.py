@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from solvers.cache import STRUCTURES, CompiledStructure
 from solvers.optimizers.ipopt import Ipopt
-from solvers.optimizers.newton import Newton, leaves_no_choice
+from solvers.optimizers.newton import Newton
 from solvers.optimizers.outcome import Iterate, Limits, Optimizer, Outcome
 from solvers.part import Part
 from solvers.problem import OptimalControlProblem
@@ -69,7 +69,7 @@ class Account:
         decided: bool = False,
     ) -> Outcome:
         """Solve one program. ``share``: the part of all work that it is; ``warm``: it starts near the answer;
-        ``obeys``: from what obeys the model; ``decided``: its equations may leave nothing to choose.
+        ``obeys``: from what obeys the model; ``decided``: its equations leave nothing to choose.
 
         Raises whatever the progress raises.
         """
@@ -89,22 +89,20 @@ class Account:
 
         if decided:
             outcome = self._run(transcription, ("newton", self.tolerance), self._newton, report)
-            if outcome is not None and outcome.status is not SolveStatus.DIVERGED:
+            if outcome.status is not SolveStatus.DIVERGED:
                 return outcome
         # A key is also told by how the optimizer is set, which is compiled in.
         key = self.tolerance, self.max_iterations, warm, obeys, warm and self.barrier
-        outcome = self._run(transcription, key, partial(self._ipopt, warm=warm, obeys=obeys), report)
-        assert outcome is not None
-        return outcome
+        return self._run(transcription, key, partial(self._ipopt, warm=warm, obeys=obeys), report)
 
     def _run(
         self,
         transcription: Optimisable,
         settings: Hashable,
-        optimizer_of: Callable[[NonlinearProgram], Optimizer | None],
+        optimizer_of: Callable[[NonlinearProgram], Optimizer],
         report: Callable[[Iterate], None],
-    ) -> Outcome | None:
-        """Solve a program by the optimizer of these settings, from before if there is one; None if not."""
+    ) -> Outcome:
+        """Solve a program by the optimizer of these settings, which may be known from a solve before."""
         started = time.perf_counter()
         key = transcription.key, settings
         known = STRUCTURES.take(key)
@@ -112,8 +110,6 @@ class Account:
             transcription.builder = known.builder
         program = transcription.program()
         optimizer = known.optimizer if known is not None else optimizer_of(program)
-        if optimizer is None:
-            return None
         outcome = optimizer.minimise(program, self.limits, report)
         STRUCTURES.put(key, CompiledStructure(transcription.builder, optimizer))
         self.iterations += outcome.iterations
@@ -151,8 +147,8 @@ class Account:
         self.next_sketch = now + _SKETCH_EVERY
         return transcription.sketch(iterate.unknowns, _SKETCH_SAMPLES)
 
-    def _newton(self, program: NonlinearProgram) -> Newton | None:
-        return Newton(program, tolerance=self.tolerance) if leaves_no_choice(program) else None
+    def _newton(self, program: NonlinearProgram) -> Newton:
+        return Newton(program, tolerance=self.tolerance)
 
     def _ipopt(self, program: NonlinearProgram, *, warm: bool, obeys: bool) -> Ipopt:
         return Ipopt(

@@ -35,16 +35,11 @@ _NEARLY_SOLVED = 1e-6
 _REFINEMENTS = 4
 
 
-def leaves_no_choice(program: NonlinearProgram) -> bool:
-    """Whether there are as many equations as free unknowns."""
-    return bool(_free(program).sum() == _equations(program).sum())
-
-
 class Newton:
     """Newton's method on the functions of one program; serves every program of the same structure.
 
-    Programs must leave no choice. Inequalities are not looked at on the way: an end that violates one, and a
-    way that leads nowhere, count as diverged.
+    Inequalities are not looked at on the way. An end that violates one counts as diverged, and so do a way
+    that leads nowhere and equations that are more or fewer than the free unknowns.
     """
 
     def __init__(self, program: NonlinearProgram, *, tolerance: float) -> None:
@@ -157,7 +152,7 @@ def _with(matrix: sparse.csc_array, entries: Vector) -> sparse.csc_array:
 
 
 def _factors(matrix: sparse.csc_array) -> SuperLU | None:
-    """The factors of a square matrix; None if it is singular or not finite."""
+    """The factors of a matrix; None if it is not square, singular, or not finite."""
     try:
         return splu(matrix)
     except (RuntimeError, ValueError):

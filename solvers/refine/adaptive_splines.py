@@ -19,6 +19,7 @@ from solvers.problem import OptimalControlProblem
 from solvers.refine.adaptive import MeshLimit
 from solvers.refine.jumps import Jump
 from solvers.scaling import Scaling
+from solvers.spec.method_model import HIGHEST_LEVEL
 from solvers.trajectory import Trajectory
 from solvers.transcription.spline_wavelet import SplineWavelet
 
@@ -90,7 +91,8 @@ class SplineMesh:
         helped = (worst > target) & (levels < self.max_level)
         if not helped.any() and all(level <= self._level_at(place) for place, level in at_jumps.items()):
             where = _time_of_worst(trajectory, errors)
-            raise MeshLimit(f"max_level = {self.max_level} is reached at {where}")
+            way = "a higher one" if self.max_level < HIGHEST_LEVEL else "a larger L"
+            raise MeshLimit(f"max_level = {self.max_level} is reached at {where}; {way} makes finer knots")
         wanted = np.clip(levels + self._change(worst, target), 0, self.max_level)
         finer = self.knots.adapted(wanted)
         for place, level in at_jumps.items():

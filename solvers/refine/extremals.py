@@ -23,7 +23,7 @@ from scipy.stats import qmc
 from solvers.problem import OptimalControlProblem
 from solvers.refine.arcs import Arcs, RefinedPart
 from solvers.refine.bang_bang import BangBangFlights
-from solvers.refine.search import LOW_BARRIER, PROGRAM_TOLERANCE, WRONG_SIGN
+from solvers.refine.search import LOW_BARRIER, PROGRAM_TOLERANCE, WRONG_SIGN, freedom
 from solvers.refine.signs import next_structure
 from solvers.refine.structure import SHORTEST_ARC, Structure
 from solvers.session import Session
@@ -162,7 +162,8 @@ def _solved(session: Session, start: _Start) -> RefinedPart | None:
     problem = session.problem
     (part,) = session.parts
     arcs = Arcs.first(part, *start)
-    solved = session.solve_parts([arcs.program(part)], "other structures", warm=True, decided=True)
+    decided = freedom(session, [arcs]) == 0
+    solved = session.solve_parts([arcs.program(part)], "other structures", warm=True, decided=decided)
     if not solved.converged:
         return None
     found = RefinedPart.read(solved, arcs)

@@ -93,7 +93,7 @@ class Search(Generic[Ended]):
         arcs = self._first(structures, self.start)
         pace = Pace()
         for round_ in range(_ROUNDS):
-            solved = None if _too_few_arcs(self.session, arcs) else self._solve(arcs, round_)
+            solved = None if freedom(self.session, arcs) < 0 else self._solve(arcs, round_)
             if solved is None or not solved.converged:
                 if solved is not None and solved.stopped:
                     self.stopped = solved.outcome.status
@@ -169,8 +169,9 @@ class Search(Generic[Ended]):
         # three steps of Newton's method, and where nothing is left to choose, on the equations alone.
         firm = all(own.firm for own in arcs)
         self.session.barrier = _NO_BARRIER if firm else LOW_BARRIER
+        decided = firm and freedom(self.session, arcs) == 0
         stage = f"switching {round_ + 1}"
-        return self.session.solve_parts(programs, stage, _share(round_), warm=True, decided=firm)
+        return self.session.solve_parts(programs, stage, _share(round_), warm=True, decided=decided)
 
     def _keep(self, found: Refined[Ended]) -> None:
         """Keep the better one: of one pattern that of smaller error, else that of the smaller objective.
@@ -205,10 +206,10 @@ def _share(round_: int) -> tuple[float, float]:
     return 1.0 - 0.5 ** (round_ + 1), 1.0 - 0.5 ** (round_ + 2)
 
 
-def _too_few_arcs(session: Solving[Any], arcs: Sequence[Arcs]) -> bool:
-    """Whether arcs that leave nothing free have fewer unknown times than there are conditions on them."""
+def freedom(session: Solving[Any], arcs: Sequence[Arcs]) -> float:
+    """How many more unknown times than conditions on them there are; infinite where a control is free too."""
     if not all(own.structure.is_decided for own in arcs):
-        return False
+        return np.inf
     unknown, conditions = 0, session.joints
     for part, own in zip(session.parts, arcs, strict=True):
         problem = part.problem
@@ -220,5 +221,4 @@ def _too_few_arcs(session: Solving[Any], arcs: Sequence[Arcs]) -> bool:
         held += [item.interval[0] == item.interval[1] for item in problem.integrals]
         unknown += own.structure.arcs - 1 + sum(free)
         conditions += sum(held) + own.structure.entry_conditions
-        conditions += sum(len(item.parted) for item in own.structure.follows(problem, own.start))
-    return unknown < conditions
+    return unknown - conditions

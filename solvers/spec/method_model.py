@@ -13,6 +13,9 @@ MESH_TOLERANCE = 1e-2
 REFINED_TOLERANCE = 1e-6
 """Verification tolerance of an answer that is refined."""
 
+HIGHEST_LEVEL = 20
+"""The highest level that wavelets may be asked for."""
+
 
 class Adaptivity(SpecModel):
     """A mesh that is refined until the error is within the tolerance."""
@@ -26,7 +29,7 @@ class SplineAdaptivity(Adaptivity):
 
     tolerance: Annotated[float, Real(above=0, limit=1)] = 1e-6
     """Error to be reached, relative to each quantity's scale; also the verification tolerance."""
-    max_level: Annotated[int, Count(0, 20, "levels")] = 10
+    max_level: Annotated[int, Count(0, HIGHEST_LEVEL, "levels")] = 10
     """Highest level of a wavelet: the finest step is that of 2^max_level L intervals."""
 
 
