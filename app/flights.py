@@ -8,7 +8,7 @@ from dataclasses import replace
 from app.answers import not_finite, trajectory_of
 from app.auth import Principal
 from app.service import Service
-from solvers.spec import parse_document
+from solvers.spec import canonical_json, parse_document
 from solvers.spec.flights import FlightsSpec, check_flights
 from worker.records import JobRecord, JobStatus
 
@@ -27,14 +27,15 @@ def submit_flights(
     Raises as `Service.submit` does, and ServiceError where there is no answer that could be flown.
     """
     answered = service.answers.answer(source)
-    spec = check_flights(parse_document(body), answered["resolved"]["document"])
+    request = parse_document(body)
+    spec = check_flights(request, answered["resolved"]["document"])
     if not trajectory_of(answered).finite:
         raise not_finite()
     record = _record(spec, source, principal, new_id)
     job_id = service.once(
         key,
-        # The same words about another answer are another request.
-        source.encode() + b"\n" + body,
+        # The same words about another answer are another request; what is drawn is drawn in their order.
+        lambda: canonical_json([source, request], ordered=True),
         record.id,
         lambda job_id: service.queue_job(replace(record, id=job_id), body),
         service.store.exists,

@@ -23,7 +23,7 @@ from app.watch import StatusWatch
 from app.webhooks import Webhooks, read_secrets
 from solvers.errors import DocumentError, Fault
 from solvers.sizes import ProblemSize, problem_size
-from solvers.spec import JobSpec, answer_digest, check_text
+from solvers.spec import JobSpec, answer_digest, canonical_json, check_text
 from worker.claims import Claims
 from worker.errors import JobGone, JobNotFound, QueueUnavailable, ResultsUnavailable
 from worker.keys import KeyStore, digest
@@ -102,7 +102,8 @@ class Service:
         record = new_record(new_id, spec, size, principal)
         job_id = self.once(
             key,
-            body,
+            # However it is written: a client's library may not write it twice in the same way.
+            lambda: canonical_json(json.loads(body)),
             record.id,
             lambda job_id: self._make(replace(record, id=job_id), spec, body),
             self.store.exists,
@@ -120,19 +121,20 @@ class Service:
     def once(
         self,
         key: str | None,
-        body: bytes,
+        said: Callable[[], str],
         new_id: str,
         make: Callable[[str], None],
         made: Callable[[str], bool],
     ) -> str:
         """Make something with ``new_id``, or with the id that the client's ``key`` was bound to before.
 
-        Returns the id. Nothing is done if it was ``made``, be it by a process that did not live to say so.
+        With one key only the same may be ``said``. Returns the id. Nothing is done if it was ``made``, be it
+        by a process that did not live to say so.
         """
         if key is None:
             make(new_id)
             return new_id
-        bound, settled = self.claims.take(key, body, new_id)
+        bound, settled = self.claims.take(key, said().encode(), new_id)
         if settled:
             return bound
         try:

@@ -15,7 +15,7 @@ from app.auth import Principal
 from app.schemas import VerificationView
 from app.service import Service, new_record
 from solvers.sizes import problem_size
-from solvers.spec import parse_document
+from solvers.spec import canonical_json, parse_document
 from solvers.spec.sweep import SweepPlan, check_sweep
 from worker.errors import QueueUnavailable
 from worker.records import JobStatus, SweepPlace, new_job_id, timestamp
@@ -75,14 +75,20 @@ def submit_sweep(service: Service, body: bytes, key: str | None, principal: Prin
     ``key`` is the client's Idempotency-Key. Raises as `Service.submit` does. All jobs are recorded in one
     step; one whose message the broker does not take then is published by the reconciler.
     """
-    plan = check_sweep(parse_document(body))
+    request = parse_document(body)
+    plan = check_sweep(request)
     for spec in {point.spec.warm_start: point.spec for point in plan.points}.values():
         service.find_start(spec, principal)
     for spec in {point.spec.webhook and point.spec.webhook.url: point.spec for point in plan.points}.values():
         service.check_webhook(spec)
     sweep_id = new_job_id()
     return service.once(
-        key, body, sweep_id, lambda bound: _queue(service, bound, plan, principal), service.sweeps.exists
+        key,
+        # The order of the grid is that of the table.
+        lambda: canonical_json(request, ordered=True),
+        sweep_id,
+        lambda bound: _queue(service, bound, plan, principal),
+        service.sweeps.exists,
     )
 
 

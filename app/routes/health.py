@@ -14,8 +14,9 @@ from app.service import Shared
 router = APIRouter(tags=["health"])
 
 
+# Not a plain function: all threads may be waiting for a broker that does not answer.
 @router.get("/livez")
-def livez() -> HealthView:
+async def livez() -> HealthView:
     """Tell that the process answers."""
     return HealthView()
 

@@ -68,9 +68,12 @@ def answer_digest(resolved: dict[str, Any]) -> str:
     return hashlib.sha256(canonical_json(asked).encode()).hexdigest()
 
 
-def canonical_json(document: Any) -> str:
-    """Return a JSON text that is the same for equal documents: keys sorted, 440.0 written as 440."""
-    return json.dumps(_canonical(document), sort_keys=True, separators=(",", ":"), allow_nan=False)
+def canonical_json(document: Any, *, ordered: bool = False) -> str:
+    """Return a JSON text that is the same for equal documents: keys sorted, 440.0 written as 440.
+
+    Where keys are ``ordered``, documents with the same keys in another order are not equal.
+    """
+    return json.dumps(_canonical(document), sort_keys=not ordered, separators=(",", ":"), allow_nan=False)
 
 
 def _canonical(value: Any) -> Any:

@@ -11,6 +11,7 @@ from redis.exceptions import ConnectionError
 
 from app.main import create_app
 from app.settings import Settings
+from solvers.spec import canonical_json
 from tests.app.conftest import served
 from tests.problems import problem
 from worker.queue import JobQueue
@@ -139,12 +140,21 @@ class TestIdempotency:
     def test_a_key_whose_first_request_is_in_flight_is_a_conflict(
         self, app: FastAPI, client: httpx.Client, document: dict[str, Any]
     ) -> None:
-        body = json.dumps(document).encode()
-        app.state.service.claims.take("a key", body, new_job_id())
-        response = client.post(
-            "/v1/jobs", content=body, headers={"Idempotency-Key": "a key", "Content-Type": "application/json"}
-        )
+        app.state.service.claims.take("a key", canonical_json(document).encode(), new_job_id())
+        response = client.post("/v1/jobs", json=document, headers={"Idempotency-Key": "a key"})
         problem(response, 409, "conflict")
+
+    def test_a_body_may_be_written_in_another_way(
+        self, client: httpx.Client, queue: JobQueue, document: dict[str, Any]
+    ) -> None:
+        headers = {"Idempotency-Key": "a key", "Content-Type": "application/json"}
+        backwards = dict(reversed(document.items()))
+        first, second = (
+            client.post("/v1/jobs", content=json.dumps(said, indent=indent), headers=headers)
+            for said, indent in ((document, None), (backwards, 3))
+        )
+        assert (second.status_code, second.json()["id"]) == (202, first.json()["id"])
+        assert queue.depth() == 1
 
     def test_a_job_whose_process_ended_before_it_could_say_so_is_found_again(
         self,

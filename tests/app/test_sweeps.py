@@ -57,7 +57,12 @@ def test_the_same_key_makes_one_sweep(client: httpx.Client, queue: JobQueue, bod
     first, second = (client.post("/v1/sweeps", json=body, headers=key) for _ in range(2))
     assert first.json()["id"] == second.json()["id"]
     assert queue.depth() == 6
-    problem(client.post("/v1/jobs", json=body["document"], headers=key), 422, "key-reused")
+    spaced = {"content": json.dumps(body, indent=2), "headers": key | {"Content-Type": "application/json"}}
+    assert client.post("/v1/sweeps", **spaced).json()["id"] == first.json()["id"]
+    # In another order its table would be another.
+    backwards = body | {"grid": dict(reversed(body["grid"].items()))}
+    for place, said in (("sweeps", backwards), ("jobs", body["document"])):
+        problem(client.post(f"/v1/{place}", json=said, headers=key), 422, "key-reused")
 
 
 def test_nothing_is_queued_of_a_sweep_with_a_mistake(
