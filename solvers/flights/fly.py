@@ -22,6 +22,7 @@ from solvers.progress import Progress, ProgressReport
 from solvers.scaling import automatic_scaling
 from solvers.spec import JobSpec
 from solvers.spec.flights import FlightsSpec
+from solvers.spec.pointers import parse_pointer
 from solvers.status import SolveStatus
 
 # So many flights at once stay in the cache.
@@ -103,8 +104,8 @@ def _limits(problem: OptimalControlProblem, rates: frozenset[str]) -> list[Wish]
 
 
 def _of_control(wish: Wish, problem: OptimalControlProblem) -> bool:
-    _, section, *_, name = wish.limit.pointer.split("/")[1:]
-    return section == "final_control" or (section == "bounds" and name in problem.controls)
+    path = parse_pointer(wish.limit.pointer)
+    return path[1] == "final_control" or (path[1] == "bounds" and path[-1] in problem.controls)
 
 
 def rates_of(job: JobSpec) -> frozenset[str]:

@@ -203,6 +203,28 @@ def test_percentiles_and_rates_against_a_closed_form(body: Document) -> None:
     assert result["worst"][0]["parameters"]["rho"] == masses.min()
 
 
+def test_an_attitude_is_missed_by_the_sine_of_half_the_angle() -> None:
+    """A body that turns freely by 1 rad about its third axis in a second, from another rate."""
+    answered = answer(
+        {
+            "problem": {
+                "model": {"kind": "library", "name": "attitude_flexible", "options": {"modes": 0}},
+                "final_time": 1,
+                "initial_state": {"q4": 1, "w3": 1, "*": 0},
+                "final_attitude": [0, 0, "sin(0.5)", "cos(0.5)"],
+                "objective": {"running": "T1^2 + T2^2 + T3^2"},
+            },
+            "method": {"name": "gpm", "nodes": 12},
+        }
+    )
+    result = flown(answered, runs=20, initial_state={"w3": {"uniform": [-0.1, 0.1]}}, tolerance=0.02)
+    missed = np.abs(np.sin((np.array(result["columns"]["w3_f"]) - 1) / 2))
+    # Of the three components of the error the third one.
+    told = [item for item in result["violations"] if item["pointer"] == "/problem/final_attitude"]
+    assert [item["rate"] for item in told] == [0, 0, np.mean(missed > 0.02)]
+    assert told[2]["max"] == pytest.approx(missed.max(), abs=1e-7)
+
+
 def test_a_lag_against_its_closed_form(body: Document) -> None:
     """The speed at the end is what the actuator still owes of an impulse of zero."""
     lag = 0.3
