@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from solvers.bundle import Bundle, BundleError
-from solvers.phases.problem import phased_problem
+from solvers.phases.reading import phased_problem
 from solvers.phases.trajectory import PhasedTrajectory, trajectory_of
 from solvers.phases.verify import verify_phases
 from solvers.piecewise.again import verify_again

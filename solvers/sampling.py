@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from solvers.phases.problem import phased_problem
+from solvers.phases.reading import phased_problem
 from solvers.phases.trajectory import AnyTrajectory, PhasedTrajectory, joined
 from solvers.problem import OptimalControlProblem
 from solvers.scenarios import formulate

@@ -13,7 +13,8 @@ from solvers.expressions import Expression, named, renamed
 from solvers.implied_ends import relaxed_ends
 from solvers.lifting import lifted
 from solvers.phases.peak import below_flight_peak, flight_peak, peaks_of, plus_peak, with_flight_peak
-from solvers.phases.problem import Link, Phase, PhasedProblem, flight_of
+from solvers.phases.problem import Link, Phase, PhasedProblem
+from solvers.phases.reading import flight_of
 from solvers.phases.trajectory import PhasedTrajectory
 from solvers.plant_objectives import (
     LEVEL,

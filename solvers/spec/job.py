@@ -141,7 +141,7 @@ class JobSpec(SpecModel):
     reference: Annotated[dict[str, Any], FreeObject()] | None = None
     """The known answer of a case; ignored."""
     warm_start: Annotated[str, Text(64)] | None = None
-    """Id of an earlier job to start from, of any method, mesh and parameters."""
+    """Id of an earlier job to start from, of any method, mesh, parameters and phases."""
     reuse: Annotated[bool | None, Flag()] = None
     """Whether the certified result of an earlier job with the same problem, method and options will do."""
     deadline_seconds: Annotated[float, Real(above=0, limit=_MONTH, unit=" s")] | None = None

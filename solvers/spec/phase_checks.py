@@ -19,10 +19,12 @@ _METHODS = ("auto", "swcm", "gpm", "hermite_simpson")
 
 def phase_documents(scope: Scope) -> Iterator[tuple[PhaseView, dict[str, Any]]]:
     """Yield each phase with the document that asks for it alone."""
-    views = phase_views(scope.problem)[:MAX_PHASES]
+    views, whole = phase_views(scope.problem)[:MAX_PHASES], scope.document
+    if _method(whole) not in _METHODS:  # reported where it stands
+        whole = {key: value for key, value in whole.items() if key != "method"}
     for view, fields in zip(views, phase_fields(views, _interval), strict=True):
         problem = {key: value for key, value in fields.items() if value is not None}
-        yield view, {**scope.document, "problem": problem}
+        yield view, {**whole, "problem": problem}
 
 
 def check_phases(scope: Scope, flaws: Flaws) -> None:
@@ -111,9 +113,12 @@ def _over_the_flight(problem: Mapping[str, Any]) -> Iterator[tuple[Path, Any]]:
 
 def _not_done(document: Mapping[str, Any]) -> Iterator[tuple[Path, str]]:
     """Yield what a flight of phases cannot work with yet: place in the document, and what it is."""
-    name = mapping(document.get("method")).get("name", "auto")
-    if name not in _METHODS:
-        yield ("method", "name"), f"the method {name}"
+    if _method(document) not in _METHODS:
+        yield ("method", "name"), f"the method {_method(document)}"
+
+
+def _method(document: Mapping[str, Any]) -> object:
+    return mapping(document.get("method")).get("name", "auto")
 
 
 def _interval(bound: Any, model: Any) -> Interval | None:

@@ -13,8 +13,6 @@ from solvers.spec.scope import Scope, mapping
 CORNERS = frozenset(("abs", "min", "max"))
 _NOT_FLOWN = (
     "scenarios",
-    "phases",
-    "links",
     "data",
     "design",
     "final_attitude",

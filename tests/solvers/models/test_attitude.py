@@ -169,8 +169,7 @@ def test_either_sign_of_a_quaternion_is_the_same_attitude(sign: int, start: int)
     assert solution.verification.terminal_error == pytest.approx(0.0, abs=1e-8)
 
 
-@pytest.mark.parametrize("sign", [1, -1])
-def test_an_attitude_on_the_way_is_the_end_of_a_phase(sign: int) -> None:
+def test_an_attitude_on_the_way_is_the_end_of_a_phase() -> None:
     """By 0.7 rad in half of the time, at a rate w that is free, then by 0.3 rad to rest.
 
     The least energy of a turn by a from rate w0 to w1 in T is 12 D^2/T^3 - 12 D d/T^2 + 4 d^2/T with
@@ -186,7 +185,7 @@ def test_an_attitude_on_the_way_is_the_end_of_a_phase(sign: int) -> None:
         {
             "name": "there",
             "final_time": 2,
-            "final_attitude": [sign * value for value in (part, 2 * part, 2 * part, math.cos(0.35))],
+            "final_attitude": [-part, -2 * part, -2 * part, -math.cos(0.35)],
         },
         {"name": "on"},
     ]

@@ -12,7 +12,7 @@ from scipy.integrate import quad
 from scipy.optimize import minimize_scalar
 
 from solvers.export import to_csv
-from solvers.phases.problem import phased_problem
+from solvers.phases.reading import phased_problem
 from solvers.phases.trajectory import PhasedTrajectory, trajectory_of
 from solvers.phases.verify import verify_phases
 from solvers.plot import render

@@ -158,6 +158,7 @@ def test_every_mistake_is_reported_at_once() -> None:
     ("changes", "pointer"),
     [
         ({"method": {"name": "ga"}}, "/method/name"),
+        ({"method": {"name": "piecewise", "segments": {"by": "time", "length": 1}}}, "/method/name"),
     ],
 )
 def test_what_is_not_done_yet(changes: dict[str, Any], pointer: str) -> None:
