@@ -346,7 +346,8 @@ def test_a_data_table_over_time_is_met_at_its_corners(body: Document) -> None:
     assert result["final"]["x"]["nominal"] == pytest.approx(1.0 + 0.1 * 1.35**2 / 2.0, abs=1e-11)
     # It ends at t = 3 with the speed 0.23: a second and 0.05 s later the flight is over.
     far = 0.1 * (0.135 * 0.95 / 0.1 + 0.95**2 / 2.0) + 0.23 * 1.05
-    assert result["residual"]["x"]["nominal"] == pytest.approx(far / 2.0, abs=1e-11)
+    # The switch of the answer is that of its program, to its tolerance.
+    assert result["residual"]["x"]["nominal"] == pytest.approx(far / 2.0, abs=1e-9)
 
 
 class Impatient:
