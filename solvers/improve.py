@@ -51,8 +51,9 @@ _SWITCHING_ADVICE = (
     " switching does."
 )
 _AUTOMATIC_ADVICE = (
-    " Ask for less (method.accuracy), give more time (options.max_seconds), or name a method: a fixed mesh,"
-    ' such as {"name": "swcm", "J": 6}, is verified to a hundredth.'
+    " Ask for less (method.accuracy), give more time (options.max_seconds), or name a method:"
+    ' {"name": "hermite_simpson", "adaptive": {"tolerance": 1e-6}} adapts another mesh,'
+    ' and a fixed one, such as {"name": "swcm", "J": 6}, is verified to a hundredth.'
 )
 _NO_END = SolveStatus.ITERATION_LIMIT, SolveStatus.DIVERGED
 

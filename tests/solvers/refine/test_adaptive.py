@@ -191,6 +191,34 @@ def test_parabolas_within_their_bounds_hold_the_switches(case: str, tolerance: f
     assert solution.verification.max_bound_violation <= 1e-12
 
 
+def test_parabolas_follow_a_car_around_an_obstacle_between_its_sharpest_turns() -> None:
+    """Arcs of radius 1 about (0, 1), the obstacle and (10, 3/2), and the inner tangents of these circles."""
+    document: dict[str, Any] = {
+        "problem": {
+            "model": {
+                "kind": "first_order",
+                "states": ["x", "y", "psi"],
+                "controls": ["w"],
+                "dynamics": {"x": "cos(psi)", "y": "sin(psi)", "psi": "w"},
+            },
+            "final_time": [1, 50],
+            "initial_state": {"*": 0},
+            "final_state": {"x": 10, "y": 0.5, "psi": 0},
+            "bounds": {"w": [-1, 1]},
+            "path_constraints": [{"expression": "(x-5)^2 + (y-0.2)^2", "bounds": [1, None]}],
+            "objective": {"terminal": "tf"},
+        },
+        "method": {"name": "hermite_simpson", "adaptive": {"tolerance": 1e-6}},
+    }
+    solution = solve(check_document(document))
+    ways = [5.0 - 0.8j, 5.0 + 1.3j]
+    tangents = [np.sqrt(abs(way) ** 2 - 4.0) for way in ways]
+    up = np.angle(ways[0]) + np.arcsin(2.0 / abs(ways[0]))
+    down = np.arcsin(2.0 / abs(ways[1])) - np.angle(ways[1])
+    assert solution.success, solution.message
+    assert solution.objective == pytest.approx(2.0 * (up + down) + sum(tangents), rel=1e-6)
+
+
 def test_a_singular_arc_on_which_parabolas_chatter_ends_with_advice() -> None:
     solution, error = answer("goddard", {"name": "hermite_simpson", "adaptive": {}})
     assert error < 1e-5
