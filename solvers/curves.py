@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from typing import Protocol
 
@@ -186,6 +187,18 @@ class LagrangeCurve:
             _Alike(group, self.supports[group[0]], np.array([self.values[index] for index in group]))
             for group in groups
         ]
+
+
+def at_the_same_nodes(first: Curve, second: Curve, function: Callable[[Vector, Vector], Vector]) -> Curve:
+    """The curve of the same kind that goes through what ``function`` makes of two curves at their nodes.
+
+    Both are of one mesh. Raises TypeError for curves that are not given by values at nodes.
+    """
+    if isinstance(first, LagrangeCurve) and isinstance(second, LagrangeCurve):
+        return replace(first, values=tuple(map(function, first.values, second.values)))
+    if isinstance(first, LinearCurve | QuadraticCurve) and isinstance(second, LinearCurve | QuadraticCurve):
+        return replace(first, values=function(first.values, second.values))
+    raise TypeError(f"{type(first).__name__} and {type(second).__name__} have no values at common nodes")
 
 
 def rests_between_breaks(curve: Curve) -> bool:

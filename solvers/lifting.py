@@ -22,6 +22,7 @@ from solvers.expressions import Code, Expression, combined, named, operand_of, p
 from solvers.expressions.expression import Instruction, divide
 from solvers.problem import OptimalControlProblem
 from solvers.quantities import FREE, Constraint, DesignParameter, Interval
+from solvers.two_sided import TwoSides, may_be_split, with_sides
 
 Vector = NDArray[np.float64]
 
@@ -65,12 +66,16 @@ def peak_of_guess(problem: OptimalControlProblem, peak: Expression) -> float:
     return float(_along_the_guess(problem, peak).max())
 
 
-def lifted(problem: OptimalControlProblem) -> OptimalControlProblem:
-    """The problem with slacks for abs, min and max in its running cost and its integrals."""
-    work = _Lifting(problem)
+def lifted(problem: OptimalControlProblem, *, split: bool = False) -> OptimalControlProblem:
+    """The problem with slacks for abs, min and max in its running cost and its integrals.
+
+    ``split``: bounded controls whose magnitude is a running cost become two (:mod:`solvers.two_sided`).
+    """
+    work = _Lifting(problem, {side.control: side for side in may_be_split(problem)} if split else {})
     running = problem.running_cost
     if running is not None:
         running = work.lift(running)
+    work.sides = {name: side for name, side in work.sides.items() if name in work.used}
     ends = problem.named_at_the_ends
     integrals = tuple(
         replace(item, expression=work.lift(item.expression))
@@ -82,10 +87,12 @@ def lifted(problem: OptimalControlProblem) -> OptimalControlProblem:
         replace(item, expression=work.lift(item.expression)) if item.name.startswith(PEAK) else item
         for item in problem.path
     )
-    if not work.slacks:
+    if not work.slacks and not work.sides:
         return problem
+    start = problem
+    problem = with_sides(problem, [*work.sides.values()]) if work.sides else problem
     tau = np.linspace(0.0, 1.0, _SAMPLES)
-    pieces = tuple((tau, _along_the_guess(problem, start)) for start in work.slacks.values())
+    pieces = tuple((tau, _along_the_guess(start, slack)) for slack in work.slacks.values())
     free = (FREE,) * len(work.slacks)
     return replace(
         problem,
@@ -151,6 +158,8 @@ class _Lifting:
     """Slacks by name with what they start from, and what holds them up."""
 
     problem: OptimalControlProblem
+    sides: dict[str, TwoSides] = field(default_factory=dict)
+    used: set[str] = field(default_factory=set)
     slacks: dict[str, Expression] = field(default_factory=dict)
     limits: list[Constraint] = field(default_factory=list)
 
@@ -189,6 +198,9 @@ class _Lifting:
             factor = self._constant(left)
             if factor is not None:
                 return combined("*", left, self.lift(right, sign * np.sign(factor)))
+        if code == Code.CALL and payload == "abs" and sign > 0.0 and operands[0].text in self.sides:
+            self.used.add(operands[0].text)
+            return self.sides[operands[0].text].magnitude
         if code == Code.CALL and payload == "abs" and sign > 0.0:
             return self._slack(expression, operands[0], product(parse(-1.0), operands[0]))
         if code == Code.PAIR and payload == "max" and sign > 0.0:

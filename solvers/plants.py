@@ -22,32 +22,41 @@ from solvers.polar import Pair
 from solvers.problem import OptimalControlProblem
 from solvers.quantities import Constraint, Integral, NamedQuantity
 from solvers.trajectory import Trajectory
+from solvers.two_sided import TwoSides
 
 
 @dataclass(frozen=True)
 class Plant:
     """One of the plants: its ``problem`` as if it were alone, and where its states are in an answer.
 
-    ``names``: what is called otherwise in the problem of all plants -> its name there; ``pairs``: controls
-    that stand there as a size and an angle.
+    ``names``: what is called otherwise in the problem of all plants -> its name there; ``made``: controls
+    that are made of others there.
     """
 
     name: str
     problem: OptimalControlProblem
     names: Mapping[str, str] = field(default_factory=dict)
-    pairs: tuple[Pair, ...] = ()
+    made: tuple[Pair | TwoSides, ...] = ()
 
     def trajectory(self, answer: Trajectory) -> Trajectory:
         """The part of an answer that is this plant's, under the plant's own names."""
         controls = dict(answer.controls)
-        for pair in self.pairs:
-            controls |= pair.components(answer.controls)
+        for item in self.made:
+            controls |= item.components(answer.controls)
         return replace(
             answer,
             states={name: answer.states[self.names.get(name, name)] for name in self.problem.states},
             controls={name: controls[name] for name in self.problem.controls},
             design={item.name: answer.design[item.name] for item in self.problem.design},
         )
+
+    def switching(self, found: Mapping[str, Any]) -> dict[str, Any]:
+        """The ``switching`` of this plant's own controls from that of an answer."""
+        known = {
+            **found,
+            **{item.control: item.switching(found) for item in self.made if isinstance(item, TwoSides)},
+        }
+        return {name: known[name] for name in self.problem.controls if name in known}
 
     def rows(self, answer: Trajectory) -> list[int]:
         """Where the states of this plant are among those of the answer."""

@@ -16,9 +16,10 @@ from itertools import combinations
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from solvers.backends import NUMPY
-from solvers.curves import Curve, LagrangeCurve, LinearCurve, QuadraticCurve
+from solvers.curves import Curve, at_the_same_nodes
 from solvers.expressions import Code, Expression, named, operand_of, part_of, product
 from solvers.models import Formula
 from solvers.problem import OptimalControlProblem
@@ -30,6 +31,7 @@ _NEGLIGIBLE = 1e-8
 _POINTS = np.array([[0.3, -1.7, 2.9], [-1.1, 0.6, 2.3]])
 
 Names = tuple[str, str]
+Piece = tuple[NDArray[np.float64], NDArray[np.float64]]
 
 
 @dataclass(frozen=True)
@@ -92,8 +94,6 @@ def _replaced(problem: OptimalControlProblem, pair: Pair) -> OptimalControlProbl
     }
     dynamics = problem.dynamics
     rates = {name: work.rewritten(rate) for name, rate in dynamics.first_order.items()}
-    middle = 0.5 * (lower + upper) if np.isfinite(upper) else max(lower, 1.0)
-    here = (np.zeros(1), np.full(1, middle)), (np.zeros(1), np.zeros(1))
 
     def others(items: tuple[Any, ...], *new: Any) -> tuple[Any, ...]:
         return (*(items[j] for j in kept), *new)
@@ -109,8 +109,21 @@ def _replaced(problem: OptimalControlProblem, pair: Pair) -> OptimalControlProbl
         running_cost=problem.running_cost and work.rewritten(problem.running_cost),
         integrals=tuple(replace(it, expression=work.rewritten(it.expression)) for it in problem.integrals),
         path=(*_path(problem, work), *_own_bounds(problem, names, upper)),
-        guess=replace(problem.guess, controls=others(problem.guess.controls, *here)),
+        guess=replace(
+            problem.guess, controls=others(problem.guess.controls, *_guessed(problem, names, (lower, upper)))
+        ),
     )
+
+
+def _guessed(problem: OptimalControlProblem, names: Names, bounds: Interval) -> tuple[Piece, Piece]:
+    """Length and angle of the vector that is guessed; where that is nothing, a length within its bounds."""
+    pieces = [problem.guess.controls[problem.controls.index(name)] for name in names]
+    tau = np.unique(np.concatenate([points for points, _ in pieces]))
+    x, y = (np.interp(tau, *piece) for piece in pieces)
+    if not (x.any() or y.any()):
+        middle = 0.5 * sum(bounds) if np.isfinite(bounds[1]) else max(bounds[0], 1.0)
+        return (tau, np.full(tau.size, middle)), (tau, np.zeros(tau.size))
+    return (tau, np.clip(np.hypot(x, y), *bounds)), (tau, np.unwrap(np.arctan2(y, x)))
 
 
 def _limits(problem: OptimalControlProblem, names: Names) -> Interval:
@@ -210,11 +223,4 @@ def _called(function: str, argument: Expression) -> Expression:
 
 
 def _curve(size: Curve, angle: Curve, function: Callable[[Any], Any]) -> Curve:
-    if isinstance(size, LagrangeCurve) and isinstance(angle, LagrangeCurve):
-        values = (own * function(turn) for own, turn in zip(size.values, angle.values, strict=True))
-        return replace(size, values=tuple(values))
-    if isinstance(size, LinearCurve) and isinstance(angle, LinearCurve):
-        return replace(size, values=size.values * function(angle.values))
-    assert isinstance(size, QuadraticCurve)
-    assert isinstance(angle, QuadraticCurve)
-    return replace(size, values=size.values * function(angle.values))
+    return at_the_same_nodes(size, angle, lambda own, turn: own * function(turn))

@@ -14,6 +14,7 @@ from solvers.polar import in_polar
 from solvers.problem import OptimalControlProblem
 from solvers.spec import ProblemSpec, ScenarioSpec
 from solvers.time_knots import corner_warnings
+from solvers.two_sided import sides_of
 
 NOMINAL = "nominal"
 
@@ -60,7 +61,8 @@ def formulate(spec: ProblemSpec, tolerance: float = 0.0) -> Formulation:
         problem = OptimalControlProblem.from_spec(spec)
         whole = with_peak(problem)
         smooth, pairs = in_polar(whole)
-        return Formulation(lifted(smooth), whole, (Plant("", problem, pairs=pairs),))
+        solved = lifted(smooth, split=True)
+        return Formulation(solved, whole, (Plant("", problem, made=(*pairs, *sides_of(solved))),))
     parts = [
         PlantPart.of(case.name, OptimalControlProblem.from_spec(case.spec), case.parameters)
         for case in cases_of(spec)

@@ -113,7 +113,7 @@ def solve(
         verification=verification,
         model_report=model_report(leading.problem, trajectory),
         integrals=integrals,
-        switching={name: item for name, item in improved.switching[0].items() if name in trajectory.controls},
+        switching=leading.switching(improved.switching[0]),
         constraints=constraint_margins(leading.problem, trajectory, integrals),
         sensitivity=slopes,
         convergence=session.convergence,

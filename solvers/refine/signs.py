@@ -20,6 +20,8 @@ Vector = NDArray[np.float64]
 # A free control rests on a bound within this part of its range, for so many nodes.
 _RESTS = 1e-6
 _SHORTEST_REST = 2
+# A switching function of this part of the largest one is zero.
+_NO_SIGN = 1e-8
 # An arc of this part of the horizon, all of it within this part of a limit's own range from it, follows it.
 _SHORT = 0.02
 _NEAR = 1e-3
@@ -45,10 +47,11 @@ def next_structure(
     controls = trajectory.controls_at(tau)
     functions = program.switching_functions(trajectory, solved.outcome.bound_multipliers)
     left, largest = _left_limits(problem, solved, structure, threshold)
+    sizes = _sizes(problem, functions)
     changes, cut = dict[str, list[Pieces | None]](), False
     for index, (name, levels) in enumerate(structure.pinned.items()):
         bounds = problem.control_bounds[index]
-        strength = functions[index] / max(float(np.abs(functions[index]).max()), np.finfo(float).tiny)
+        strength = functions[index] / sizes[index]
         changes[name] = []
         for arc, level in enumerate(levels):
             here = program.arc_of_node == arc
@@ -70,6 +73,20 @@ def next_structure(
             changes[name].append(None if stays else pieces)
             cut |= not stays
     return largest, structure.changed(problem, changes) if cut else None
+
+
+def _sizes(problem: OptimalControlProblem, functions: Vector) -> Vector:
+    """What the switching function (m, K) of each control is compared with, (m,): its largest magnitude.
+
+    Not less than a rounding of what any control moves the Hamiltonian by within its bounds: what is singular
+    everywhere has no sign.
+    """
+    bounds = np.array(problem.control_bounds, np.float64).reshape(-1, 2)
+    widths = np.where(np.isfinite(bounds).all(axis=1), bounds[:, 1] - bounds[:, 0], 0.0)
+    largest = np.abs(functions).max(axis=1, initial=0.0)
+    moved = float(np.max(largest * widths, initial=0.0))
+    floor = np.divide(_NO_SIGN * moved, widths, out=np.zeros_like(widths), where=widths > 0.0)
+    return np.asarray(np.maximum(np.maximum(largest, floor), np.finfo(float).tiny), np.float64)
 
 
 def _left_limits(

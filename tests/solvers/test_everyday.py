@@ -239,3 +239,36 @@ def test_a_heading_that_is_any_number_of_turns() -> None:
         }
     )
     assert solution.objective == pytest.approx(7000.0 * late, rel=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("cost", "limits"),
+    [
+        ("abs(ux) + abs(uy)", {"bounds": {"ux": [-0.005, 0.005], "uy": [-0.005, 0.005]}}),
+        (
+            "sqrt(ux^2 + uy^2)",
+            {
+                "path_constraints": [
+                    {"name": "thrust", "expression": "sqrt(ux^2 + uy^2)", "bounds": [None, 0.005]}
+                ]
+            },
+        ),
+    ],
+)
+def test_a_rendezvous_that_has_many_cheapest_ways(cost: str, limits: dict[str, Any]) -> None:
+    """Clohessy-Wiltshire: vy + 2 n x changes by uy alone, from -0.63 m/s to 0, and no flight costs less.
+
+    So all thrust along the track is as good wherever it is, and a control that thrusts is singular.
+    """
+    rates = {"x": "vx", "y": "vy", "vx": "3*n^2*x + 2*n*vy + ux", "vy": "-2*n*vx + uy"}
+    solution = solved(
+        {
+            "model": first_order(rates, ["ux", "uy"], n=0.00113),
+            "final_time": 4000,
+            "initial_state": {"x": -500, "y": -2000, "vx": 0, "vy": 0.5},
+            "final_state": {"*": 0},
+            "objective": {"running": cost},
+            **limits,
+        }
+    )
+    assert solution.objective == pytest.approx(0.63, abs=1e-7)

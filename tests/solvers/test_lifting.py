@@ -71,6 +71,21 @@ def test_fuel(rigid_body: dict[str, Any], method: dict[str, Any], cost: str) -> 
     assert not [item for item in result["warnings"] if item["code"] == "nonsmooth"]
 
 
+def test_fuel_by_arcs(rigid_body: dict[str, Any]) -> None:
+    """Time 3, and twice the price: a (3 - a) = 1 between bursts that end and begin exactly."""
+    problem = rigid_body["problem"]
+    problem |= {"final_time": 3, "objective": {"running": "2*abs(u) + 0*x"}}
+    result = result_of({**rigid_body, "method": {"name": "auto"}})
+    assert result["success"], result["message"]
+    burst = (3 - np.sqrt(5)) / 2
+    assert result["objective"] == pytest.approx(4 * burst, abs=1e-9)
+    assert list(result["nodes"]["controls"]) == ["u"]
+    (switching,) = result["switching"].values()
+    assert switching["times"] == pytest.approx([burst, 3 - burst], abs=1e-9)
+    assert switching["levels"] == [1.0, None, -1.0]
+    assert switching["arcs"] == ["upper", "interior", "lower"]
+
+
 def test_the_fuel_of_the_slew_agrees_with_split_controls(flexible_spacecraft: dict[str, Any]) -> None:
     problem = flexible_spacecraft["problem"]
     problem |= {"final_time": 1.3 * 25.866100388, "objective": {"running": "abs(T)"}}
