@@ -153,8 +153,7 @@ def test_a_turn_about_one_axis_is_that_of_the_modal_model() -> None:
     np.testing.assert_allclose(turned, modal.trajectory.states["theta"](tau), atol=1e-7)
 
 
-@pytest.mark.parametrize("sign", [1, -1])
-@pytest.mark.parametrize("start", [1, -1])
+@pytest.mark.parametrize(("sign", "start"), [(1, -1), (-1, 1)])
 def test_either_sign_of_a_quaternion_is_the_same_attitude(sign: int, start: int) -> None:
     given = document(0)
     problem = given["problem"]

@@ -51,7 +51,8 @@ def test_the_objective_that_is_chosen_counts_over_all_phases(
                 ],
             },
             "phases": TWO_PHASES,
-        }
+        },
+        "method": {"name": "gpm", "nodes": 8},
     }
     result = result_of(document)
     assert result["success"], result["message"]

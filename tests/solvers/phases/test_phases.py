@@ -283,9 +283,13 @@ def test_tables_are_met_at_their_corners_in_every_phase(kind: str) -> None:
 
 
 @pytest.mark.parametrize(
-    "method", [GPM, {"name": "hermite_simpson", "intervals": 12}, {"name": "swcm", "J": 2}]
+    ("kind", "method"),
+    [
+        ("previous", GPM),
+        ("linear", {"name": "hermite_simpson", "intervals": 12}),
+        ("previous", {"name": "swcm", "J": 2}),
+    ],
 )
-@pytest.mark.parametrize("kind", ["linear", "previous"])
 def test_a_corner_is_met_where_a_phase_ends_though_the_final_time_is_free(
     kind: str, method: dict[str, Any]
 ) -> None:
