@@ -78,11 +78,11 @@ class Newton:
             if factors is None or size > _NEARLY_SOLVED:
                 (entries,) = self._entries(unknowns, program.numbers)
                 factors = _factors(_with(square, entries[square.data - 1]))
-            if factors is None or not size <= _CONTRACTS * before:
-                status = SolveStatus.DIVERGED
-            elif size <= self._tolerance:
+            if factors is not None and size <= self._tolerance:
                 inside = max(_outside(program, unknowns), violation(program, rows)) <= self._tolerance
                 status = SolveStatus.CONVERGED if inside else SolveStatus.DIVERGED
+            elif factors is None or not size <= _CONTRACTS * before:
+                status = SolveStatus.DIVERGED
             else:
                 status = limits.reached
                 unknowns, before = unknowns.copy(), size
