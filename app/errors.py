@@ -99,7 +99,7 @@ def refusal_of(error: Exception) -> ServiceError:
 _AWAY = ("unavailable", "The broker does not answer or takes no more; nothing was accepted.")
 
 _TRANSLATIONS: Mapping[type[Exception], tuple[str, str]] = {
-    JobNotFound: ("not-found", "There is no job with this id."),
+    JobNotFound: ("not-found", "There is no job with this id, and no sweep."),
     JobGone: ("gone", "The job was erased, or the time for which it was kept has passed."),
     ResultLost: ("result-lost", PROBLEMS["result-lost"].explanation),
     ResultsUnavailable: ("unavailable", "The place where results are kept does not answer; try again."),

@@ -9,11 +9,12 @@ with what `celery.Celery.send_task` pushes.
 from __future__ import annotations
 
 import base64
-import json
 import time
 import uuid
 from collections.abc import Mapping
 from typing import Any
+
+import orjson
 
 from worker.logs import request_id
 from worker.traces import carried
@@ -40,7 +41,7 @@ def message_of(job_id: str, queue: str, time_limit: int) -> bytes:
 
     It carries the id of the request that is being answered, and the context of its trace.
     """
-    body = json.dumps([[job_id], {}, _NOTHING_FOLLOWS])
+    body = orjson.dumps([[job_id], {}, _NOTHING_FOLLOWS])
     headers = {
         **_PLAIN,
         "id": job_id,
@@ -60,13 +61,13 @@ def message_of(job_id: str, queue: str, time_limit: int) -> bytes:
         "delivery_tag": str(uuid.uuid4()),
     }
     envelope = {
-        "body": base64.b64encode(body.encode()).decode(),
+        "body": base64.b64encode(body).decode(),
         "content-encoding": "utf-8",
         "content-type": "application/json",
         "headers": headers,
         "properties": properties,
     }
-    return json.dumps(envelope).encode()
+    return orjson.dumps(envelope)
 
 
 def _about() -> dict[str, str]:
