@@ -18,7 +18,7 @@ from solvers.minimum_energy import CubicStart, minimum_energy_start
 from solvers.phases.trajectory import AnyTrajectory
 from solvers.session import Solving
 from solvers.solved import Ended, Stand
-from solvers.starts import several_starts
+from solvers.starts import moved_start, several_starts
 from solvers.status import SolveStatus
 from solvers.transcription.base import Transcription
 from solvers.winding import unwound
@@ -75,6 +75,9 @@ def _from_starts(session: Solving[Ended], meshes: Sequence[Mesh], count: int, sp
         answers.append(_continue(session, meshes, starts, stage, share, asks_why=count == 1))
         if answers[-1].stopped:
             break
+    if all(answer.outcome.status is SolveStatus.EVALUATION_ERROR for answer in answers):
+        moved = [moved_start(part.problem, part.scaling) for part in session.parts]
+        answers = [_continue(session, meshes, moved, "solve", (0.0, span), asks_why=count == 1)]
     return answers
 
 

@@ -25,6 +25,7 @@ _SHAPES = _WAVES + 2
 _CONTROL_KNOTS = 6
 # Of each state's scale.
 _WAVE_SIZE = 1.0
+_MOVED = 0.25
 
 
 @dataclass(frozen=True)
@@ -66,6 +67,18 @@ def several_starts(problem: OptimalControlProblem, scaling: Scaling, count: int)
     # A Halton sequence without scrambling begins at a corner of the cube: leave that point out.
     points = qmc.Halton(1 + _SHAPES * n + _CONTROL_KNOTS * m, scramble=False).random(count)[1:]
     return [problem.guess, *(_perturbed(problem, scaling, point, n, m) for point in points)]
+
+
+def moved_start(problem: OptimalControlProblem, scaling: Scaling) -> Start:
+    """The guess with every control a part of its scale off: from where it is, an expression has no slope.
+
+    So it is with roots and magnitudes at 0, where controls begin of which nothing is said.
+    """
+    guess = problem.guess
+    bounds = np.array(problem.control_bounds, np.float64).reshape(-1, 2)
+    middle = guess.controls_at(np.full(_CONTROL_KNOTS, 0.5))
+    moved = np.clip(middle + _MOVED * scaling.controls[:, None], bounds[:, :1], bounds[:, 1:])
+    return PerturbedStart(guess, guess.t0, guess.tf, np.zeros((len(problem.states), _SHAPES)), moved)
 
 
 def _perturbed(

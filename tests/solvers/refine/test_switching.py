@@ -59,11 +59,10 @@ def test_a_refined_answer_is_exact_and_flies(case: str, method: str) -> None:
         assert result["switching"][name]["times"] == pytest.approx(times, abs=switch_error)
 
 
-@pytest.mark.parametrize("method", ["swcm", "gpm"])
-def test_the_hypersensitive_problem_is_refined_from_a_mesh_that_shows_nothing_of_it(method: str) -> None:
-    """The first objective is 52 times too large with one mesh, half of the true one with the other."""
+def test_the_hypersensitive_problem_is_refined_from_a_mesh_that_shows_nothing_of_it() -> None:
+    """The first objective is far from the true one; `auto` is tested from splines, which are as far off."""
     document = load_case("hypersensitive")
-    solution = refined(document, method)
+    solution = refined(document, "gpm")
     assert solution.success, solution.message
     assert solution.objective == pytest.approx(document["reference"]["objective"], rel=1e-10)
     assert_estimate_is_true(solution.verification)
