@@ -59,12 +59,31 @@ class Ends:
     parameters: Mapping[str, Any]
     integrals: Mapping[str, Vector]
     given: Mapping[str, Vector]
+    peak: Vector | None = None
+
+
+@dataclass(frozen=True)
+class Peak:
+    """The largest value of an expression so far, of each flight (P,)."""
+
+    expression: Expression
+    values: Vector
+
+    @classmethod
+    def of(cls, expression: Expression | None, flights: int) -> Peak | None:
+        """That of an expression of which nothing was seen yet; None of none."""
+        return None if expression is None else cls(expression, np.full(flights, -np.inf))
+
+    def see(self, scope: Mapping[str, Any]) -> None:
+        """Take note of an instant."""
+        np.fmax(self.values, evaluated(self.expression, scope, self.values.shape), out=self.values)
 
 
 class Block:
     """One leg of the undisturbed flight, and of one for each run that was drawn, from ``start`` to ``stop``.
 
-    ``lags``: of actuators by control; ``limits``: of this leg.
+    ``lags``: of actuators by control; ``limits``: of this leg; ``peak``: what costs by its largest value over
+    several legs.
     """
 
     def __init__(
@@ -76,6 +95,7 @@ class Block:
         draws: Draws,
         limits: Sequence[Wish],
         begin: Begin,
+        peak: Expression | None = None,
     ) -> None:
         problem, answer = leg.problem, leg.answer
         self._leg, self._problem, self._span, self._limits = leg, problem, span, limits
@@ -103,6 +123,7 @@ class Block:
         self._population = Population(self._start, sizes, RTOL, self._begin, self._rate, begin.lost)
         rated = set(problem.controls) - set(answer.controls)
         self._outputs = [item for item in problem.outputs if not _names_rate(item, rated)]
+        self._own_peak, self._peak = (Peak.of(cost, 1 + draws.runs) for cost in (problem.peak_cost, peak))
         self._extremes = Extremes()
         self._excess = {index: np.zeros(1 + draws.runs) for index, wish in enumerate(limits) if wish.along}
         self._largest = dict.fromkeys(self._excess, 0.0)
@@ -128,6 +149,7 @@ class Block:
             self._fleet.parameters,
             {item.name: row.copy() for item, row in zip(self._problem.integrals, integrals[1:], strict=True)},
             self._fleet.given(states),
+            None if self._peak is None else self._peak.values,
         )
         scope = self._fleet.ends_scope(ends.initial, ends.final, [*ends.integrals.values()])
         cost = self._problem.terminal_cost
@@ -137,7 +159,7 @@ class Block:
             dict(zip(self._problem.states, final, strict=True)),
             self._values(final, controls, end),
             self._extremes,
-            integrals[0] + terminal,
+            integrals[0] + terminal + (0.0 if self._own_peak is None else self._own_peak.values),
             [
                 self._along(index, wish) if wish.along else self._at_end(wish, scope)
                 for index, wish in enumerate(self._limits)
@@ -190,6 +212,9 @@ class Block:
         begin, end = self._span
         tau = np.array([(t - begin) / (end - begin)])
         scope = self._fleet.scope(states, controls, t)
+        for peak in (self._own_peak, self._peak):
+            if peak is not None:
+                peak.see(scope)
         for index, excess in self._excess.items():
             limit = self._limits[index].limit
             if limit.holds_at(tau)[0]:

@@ -18,6 +18,7 @@ from solvers.flights.commands import Commands
 from solvers.flights.draws import Draws
 from solvers.flights.flown import Flown, Missed, together
 from solvers.legs import Leg, Route
+from solvers.phases.peak import peaks_of
 from solvers.phases.problem import start_after
 from solvers.spec import ProblemSpec
 
@@ -52,11 +53,12 @@ def fly_plan(plan: Plan, draws: Draws, coast: float | None, watch: Watch, *, dec
     """
     flown: list[Flown] = []
     ends: list[Ends] = []
+    peaks = [None] if plan.route.whole is None else peaks_of(plan.route.whole)
     begin = Begin(_drawn_states(plan.route.legs[0], draws), {}, np.zeros(1 + draws.runs, bool))
     for index, (leg, span) in enumerate(zip(plan.route.legs, pairwise(plan.edges), strict=True)):
         if index:
             begin = _after(plan.route.legs[index - 1], leg, ends[-1], flown[-1])
-        block = Block(leg, span, plan.commands, plan.lags, draws, plan.limits[index], begin)
+        block = Block(leg, span, plan.commands, plan.lags, draws, plan.limits[index], begin, peaks[index])
         done, end = block.fly(watch)
         flown.append(done)
         ends.append(end)
@@ -87,7 +89,7 @@ def _after(before: Leg, leg: Leg, ends: Ends, flown: Flown) -> Begin:
 
 
 def _over_all(plan: Plan, ends: Sequence[Ends]) -> tuple[Vector | float, list[Missed]]:
-    """The cost and the misses of limits that count over all legs."""
+    """The cost, with a peak, and the misses of limits that count over all legs."""
     whole = plan.route.whole
     assert whole is not None
     sums = [
@@ -97,13 +99,14 @@ def _over_all(plan: Plan, ends: Sequence[Ends]) -> tuple[Vector | float, list[Mi
     flown = {name: value for end in ends for name, value in end.parameters.items()}
     parameters = _parameters(plan.spec, whole.parameters, flown)
     scope = whole.ends_scope(ends[0].initial, ends[-1].final, (parameters, ends[-1].parameters), NUMPY, sums)
-    cost = whole.terminal_cost
+    terminal, peaks = whole.terminal_cost, [end.peak for end in ends if end.peak is not None]
+    cost = 0.0 if terminal is None else terminal.evaluate(scope, NUMPY.functions)
     missed = []
     for limit in (wish.limit for wish in plan.over_all):
         values = evaluated(limit.expression, scope, ends[-1].final[0][0].shape)
         scale = scale_of_limit(limit, abs(float(values[0])))
         missed.append(Missed(limit.pointer, limit.name, scale, limit.excess(values)))
-    return 0.0 if cost is None else cost.evaluate(scope, NUMPY.functions), missed
+    return cost + (np.max(peaks, axis=0) if peaks else 0.0), missed
 
 
 def _parameters(spec: ProblemSpec, fixed: Mapping[str, float], flown: Mapping[str, Any]) -> dict[str, Any]:
