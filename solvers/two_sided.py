@@ -71,13 +71,16 @@ class TwoSides:
 
 
 def may_be_split(problem: OptimalControlProblem) -> list[TwoSides]:
-    """The controls that have room on both sides of 0, and of whose ends nothing is said."""
-    found = []
+    """The controls that have room on both sides of 0, and of whose ends nothing is said.
+
+    Not rates of controls: these are slopes of states for every method.
+    """
+    found, rates = [], {f"{control}_dot" for control in problem.rated}
     for index, name in enumerate(problem.controls):
         lower, upper = problem.control_bounds[index]
         ends = problem.initial_control[index], problem.final_control[index]
         said = np.isfinite(ends).any() or {f"{name}_0", f"{name}_f"} & problem.named_at_the_ends
-        if -np.inf < lower < 0.0 < upper < np.inf and not said:
+        if -np.inf < lower < 0.0 < upper < np.inf and not said and name not in rates:
             found.append(TwoSides(name))
     return found
 

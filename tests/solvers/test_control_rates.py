@@ -104,6 +104,29 @@ def test_the_smallest_integral_of_the_squared_rate(model: dict[str, Any], method
     assert result["verification"]["objective"] == pytest.approx(720, rel=2e-3)
 
 
+def test_the_smallest_change_of_a_control() -> None:
+    """By 1 in 2.5 from rest to rest with |u'| <= 5: from a down to -a within 2 a/5.
+
+    a (T^2/4 - w^2/12) = 1 with w = 2 a/5, so that a = 0.64226; the cost is 2 a.
+    """
+    document = {
+        "problem": {
+            "model": MECHANICAL,
+            "final_time": 2.5,
+            "initial_state": {"*": 0},
+            "final_state": {"x": 1, "x_dot": 0},
+            "bounds": {"u": [-1, 1]},
+            "control_rates": {"u": [-5, 5]},
+            "objective": {"running": "abs(u_dot)"},
+        },
+        "method": {"name": "hermite_simpson", "intervals": 40},
+    }
+    result = result_of(document)
+    assert result["success"], result["message"]
+    assert result["objective"] == pytest.approx(1.2845215, abs=2e-3)
+    assert result["verification"]["objective"] == pytest.approx(result["objective"], abs=1e-6)
+
+
 @pytest.mark.parametrize("model", [MECHANICAL, FIRST_ORDER], ids=["second order", "first order"])
 def test_an_adaptive_mesh(model: dict[str, Any]) -> None:
     method = {"name": "swcm", "J": 2, "adaptive": {"tolerance": 1e-4}}
