@@ -16,12 +16,11 @@ from itertools import combinations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from solvers.backends import NUMPY
 from solvers.curves import Curve, at_the_same_nodes
 from solvers.expressions import Code, Expression, named, operand_of, part_of, product
-from solvers.models import Formula
+from solvers.other_controls import NewControl, Piece, may_be_replaced, with_other_controls
 from solvers.problem import OptimalControlProblem
 from solvers.quantities import FREE, WHOLE_SPAN, Constraint, Interval
 
@@ -31,7 +30,6 @@ _NEGLIGIBLE = 1e-8
 _POINTS = np.array([[0.3, -1.7, 2.9], [-1.1, 0.6, 2.3]])
 
 Names = tuple[str, str]
-Piece = tuple[NDArray[np.float64], NDArray[np.float64]]
 
 
 @dataclass(frozen=True)
@@ -64,10 +62,7 @@ def in_polar(problem: OptimalControlProblem) -> tuple[OptimalControlProblem, tup
 
 def _counts_by_length(problem: OptimalControlProblem, names: Names) -> bool:
     """Whether the length of two controls stands under a root, and nothing is said of their ends."""
-    index = [problem.controls.index(name) for name in names]
-    ends = [*(problem.initial_control[j] for j in index), *(problem.final_control[j] for j in index)]
-    at_ends = {f"{name}{end}" for name in names for end in ("_0", "_f")}
-    if np.isfinite(ends).any() or problem.named_at_the_ends & at_ends:
+    if not all(may_be_replaced(problem, name) for name in names):
         return False
     work = _Lengths(names, problem.parameters, _limits(problem, names)[1])
     if any(work.roots(item) for body in problem.dynamics.bodies for item in body.expressions):
@@ -81,38 +76,28 @@ def _counts_by_length(problem: OptimalControlProblem, names: Names) -> bool:
 
 
 def _replaced(problem: OptimalControlProblem, pair: Pair) -> OptimalControlProblem:
-    names, kept = pair.controls, [j for j, name in enumerate(problem.controls) if name not in pair.controls]
-    lower, upper = _limits(problem, names)
-    work = _Lengths(names, problem.parameters, upper, pair.size)
-    definitions: dict[str, Formula] = {
+    names, limits = pair.controls, _limits(problem, pair.controls)
+    work = _Lengths(names, problem.parameters, limits[1], pair.size)
+    components = {
         name: product(named(pair.size), _called(function, named(pair.angle)))
         for name, function in zip(names, ("cos", "sin"), strict=True)
     }
-    definitions |= {
+    definitions = {
         name: work.rewritten(item) if isinstance(item, Expression) else item
         for name, item in problem.definitions.items()
     }
-    dynamics = problem.dynamics
-    rates = {name: work.rewritten(rate) for name, rate in dynamics.first_order.items()}
-
-    def others(items: tuple[Any, ...], *new: Any) -> tuple[Any, ...]:
-        return (*(items[j] for j in kept), *new)
-
-    return replace(
+    rates = {name: work.rewritten(rate) for name, rate in problem.dynamics.first_order.items()}
+    rewritten = replace(
         problem,
-        controls=others(problem.controls, pair.size, pair.angle),
-        control_bounds=others(problem.control_bounds, (lower, upper), FREE),
-        initial_control=others(problem.initial_control, FREE, FREE),
-        final_control=others(problem.final_control, FREE, FREE),
         definitions=definitions,
-        dynamics=replace(dynamics, first_order=rates),
+        dynamics=replace(problem.dynamics, first_order=rates),
         running_cost=problem.running_cost and work.rewritten(problem.running_cost),
         integrals=tuple(replace(it, expression=work.rewritten(it.expression)) for it in problem.integrals),
-        path=(*_path(problem, work), *_own_bounds(problem, names, upper)),
-        guess=replace(
-            problem.guess, controls=others(problem.guess.controls, *_guessed(problem, names, (lower, upper)))
-        ),
+        path=(*_path(problem, work), *_own_bounds(problem, names, limits[1])),
     )
+    length, angle = _guessed(problem, names, limits)
+    new = [NewControl(pair.size, limits, length), NewControl(pair.angle, FREE, angle)]
+    return with_other_controls(rewritten, components, new)
 
 
 def _guessed(problem: OptimalControlProblem, names: Names, bounds: Interval) -> tuple[Piece, Piece]:

@@ -9,15 +9,15 @@ from __future__ import annotations
 
 from bisect import bisect_right
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from solvers.curves import Curve, at_the_same_nodes
 from solvers.expressions import Expression, combined, named
+from solvers.other_controls import NewControl, may_be_replaced, with_other_controls
 from solvers.problem import OptimalControlProblem
-from solvers.quantities import FREE
 
 _FORTH, _BACK = "forth@", "back@"
 
@@ -71,18 +71,12 @@ class TwoSides:
 
 
 def may_be_split(problem: OptimalControlProblem) -> list[TwoSides]:
-    """The controls that have room on both sides of 0, and of whose ends nothing is said.
-
-    Not rates of controls: these are slopes of states for every method.
-    """
-    found, rates = [], {f"{control}_dot" for control in problem.rated}
-    for index, name in enumerate(problem.controls):
-        lower, upper = problem.control_bounds[index]
-        ends = problem.initial_control[index], problem.final_control[index]
-        said = np.isfinite(ends).any() or {f"{name}_0", f"{name}_f"} & problem.named_at_the_ends
-        if -np.inf < lower < 0.0 < upper < np.inf and not said and name not in rates:
-            found.append(TwoSides(name))
-    return found
+    """The controls that have room on both sides of 0 and may be replaced."""
+    return [
+        TwoSides(name)
+        for name, (lower, upper) in zip(problem.controls, problem.control_bounds, strict=True)
+        if -np.inf < lower < 0.0 < upper < np.inf and may_be_replaced(problem, name)
+    ]
 
 
 def sides_of(problem: OptimalControlProblem) -> tuple[TwoSides, ...]:
@@ -92,27 +86,10 @@ def sides_of(problem: OptimalControlProblem) -> tuple[TwoSides, ...]:
 
 def with_sides(problem: OptimalControlProblem, sides: Sequence[TwoSides]) -> OptimalControlProblem:
     """The problem with two sides in the place of some controls, which become definitions."""
-    names = [side.control for side in sides]
-    kept = [index for index, name in enumerate(problem.controls) if name not in names]
-    index = [problem.controls.index(name) for name in names]
-
-    def others(items: tuple[Any, ...], *new: Any) -> tuple[Any, ...]:
-        return (*(items[j] for j in kept), *new)
-
-    bounds = [
-        side
-        for j in index
-        for side in ((0.0, problem.control_bounds[j][1]), (0.0, -problem.control_bounds[j][0]))
-    ]
-    free = [FREE] * (2 * len(sides))
-    guessed = [problem.guess.controls[j] for j in index]
-    pieces = [(tau, np.maximum(sign * values, 0.0)) for tau, values in guessed for sign in (1.0, -1.0)]
-    return replace(
-        problem,
-        controls=others(problem.controls, *(name for side in sides for name in (side.forth, side.back))),
-        control_bounds=others(problem.control_bounds, *bounds),
-        initial_control=others(problem.initial_control, *free),
-        final_control=others(problem.final_control, *free),
-        definitions={**{side.control: side.difference for side in sides}, **problem.definitions},
-        guess=replace(problem.guess, controls=others(problem.guess.controls, *pieces)),
-    )
+    new = []
+    for side in sides:
+        index = problem.controls.index(side.control)
+        (lower, upper), (tau, values) = problem.control_bounds[index], problem.guess.controls[index]
+        new.append(NewControl(side.forth, (0.0, upper), (tau, np.maximum(values, 0.0))))
+        new.append(NewControl(side.back, (0.0, -lower), (tau, np.maximum(-values, 0.0))))
+    return with_other_controls(problem, {side.control: side.difference for side in sides}, new)
