@@ -10,13 +10,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from solvers.elastic import place_in_document
+from solvers.expressions import parse
 from solvers.flight import whole_flight
 from solvers.phases.problem import Link, Phase, PhasedProblem, begin_after
 from solvers.phases.scenarios import formulate_phases
 from solvers.phases.trajectory import AnyTrajectory
 from solvers.problem import OptimalControlProblem
 from solvers.scenarios import formulate
-from solvers.spec import ProblemSpec
+from solvers.spec import Objective, ProblemSpec
 from solvers.trajectory import Trajectory
 
 Vector = NDArray[np.float64]
@@ -65,8 +66,34 @@ def routes(spec: ProblemSpec, answers: Sequence[AnyTrajectory]) -> Iterator[Rout
 
 
 def without_rates(spec: ProblemSpec) -> ProblemSpec:
-    """The problem whose controls are the document's own: none is a state."""
-    return spec.changed(control_rates={}, phases=[phase.changed(control_rates={}) for phase in spec.phases])
+    """The problem whose controls are the document's own, none is a state, and no rate of them costs."""
+    rates = rates_of(spec)
+    return spec.changed(
+        control_rates={},
+        objective=_without(spec.objective, rates),
+        phases=[
+            phase.changed(control_rates={}, objective=phase.objective and _without(phase.objective, rates))
+            for phase in spec.phases
+        ],
+    )
+
+
+def _without(objective: Objective, rates: frozenset[str]) -> Objective:
+    return objective.changed(**dict.fromkeys(rate_costs(objective, rates)))
+
+
+def rate_costs(objective: Objective, rates: frozenset[str]) -> list[str]:
+    """The keys of an objective along the flight whose costs name ``rates`` of controls."""
+    costs = {"running": objective.running, "maximum": objective.maximum}
+    return [
+        key for key, cost in costs.items() if cost is not None and not parse(cost).names.isdisjoint(rates)
+    ]
+
+
+def rates_of(spec: ProblemSpec) -> frozenset[str]:
+    """The rates of controls that expressions may name, which no table of commands has."""
+    rated = [spec.control_rates, *(phase.control_rates for phase in spec.phases)]
+    return frozenset(f"{name}_dot" for names in rated for name in names)
 
 
 def fly_legs(

@@ -15,7 +15,7 @@ from solvers.flights.commands import commands_of
 from solvers.flights.draws import Draws
 from solvers.flights.flown import Flown
 from solvers.flights.model import dispersed
-from solvers.legs import routes, without_rates
+from solvers.legs import rates_of, routes, without_rates
 from solvers.phases.trajectory import AnyTrajectory
 from solvers.problem import OptimalControlProblem
 from solvers.progress import Progress, ProgressReport
@@ -83,7 +83,7 @@ def _plan(spec: FlightsSpec, job: JobSpec, answer: AnyTrajectory) -> Plan:
     if not (np.diff(times)[::2] > 0.0).all() or not (np.diff(times[::2]) > 0.0).all():
         raise FlightError("a phase of the answer does not end after its begin")
     delays = {name: item.delay for name, item in spec.actuator.items()}
-    rates = rates_of(job)
+    rates = rates_of(job.problem)
     return Plan(
         job.problem,
         replace(route, legs=tuple(dispersed(leg, [*spec.parameters]) for leg in route.legs)),
@@ -106,9 +106,3 @@ def _limits(problem: OptimalControlProblem, rates: frozenset[str]) -> list[Wish]
 def _of_control(wish: Wish, problem: OptimalControlProblem) -> bool:
     path = parse_pointer(wish.limit.pointer)
     return path[1] == "final_control" or (path[1] == "bounds" and path[-1] in problem.controls)
-
-
-def rates_of(job: JobSpec) -> frozenset[str]:
-    """The rates of controls that expressions may name, which no table of commands has."""
-    rated = [job.problem.control_rates, *(phase.control_rates for phase in job.problem.phases)]
-    return frozenset(f"{name}_dot" for names in rated for name in names)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -16,12 +16,14 @@ from solvers.flight import INTEGRATOR, FlightError
 from solvers.flights.block import RTOL
 from solvers.flights.draws import Draws, draw
 from solvers.flights.flown import Flown
-from solvers.flights.fly import fly, rates_of
+from solvers.flights.fly import fly
+from solvers.legs import rate_costs, rates_of
 from solvers.phases.trajectory import trajectory_of
 from solvers.progress import Progress, SilentProgress
 from solvers.solution import finite, provenance
-from solvers.spec import JobSpec, check_document
+from solvers.spec import JobSpec, ProblemSpec, check_document
 from solvers.spec.flights import FlightsSpec
+from solvers.spec.phases import PhaseSpec
 
 Vector = NDArray[np.float64]
 
@@ -173,7 +175,18 @@ class Flights:
 
     @cached_property
     def _objective(self) -> Quantity:
-        return self._quantity([block.objective for block in self.blocks])
+        objective = self._quantity([block.objective for block in self.blocks])
+        if any(self._rate_costs):
+            return Quantity(np.nan, np.full(self.spec.runs, np.nan))
+        return objective
+
+    @property
+    def _rate_costs(self) -> Iterator[str]:
+        """Yield the places of costs that name rates of controls, which no command has."""
+        problem = self.job.problem
+        for place, part in _parts(problem):
+            costs = rate_costs(part.objective, rates_of(problem)) if part.objective is not None else []
+            yield from (f"{place}/objective/{key}" for key in costs)
 
     @cached_property
     def _limits(self) -> list[Limit]:
@@ -256,13 +269,22 @@ class Flights:
         return "; ".join(parts) + "."
 
     def _warnings(self) -> list[dict[str, str]]:
-        problem, rates = self.job.problem, rates_of(self.job)
+        problem, rates = self.job.problem, rates_of(self.job.problem)
         detail = "It names the rate of a control, which no command has: it was not looked at."
-        phases = [(f"/problem/phases/{index}", phase) for index, phase in enumerate(problem.phases)]
-        return [
-            {"code": "not_flown", "pointer": f"{place}/{key}/{index}", "detail": detail}
-            for place, part in [("/problem", problem), *phases]
+        places = [
+            f"{place}/{key}/{index}"
+            for place, part in _parts(problem)
             for key in ("path_constraints", "outputs")
             for index, item in enumerate(getattr(part, key))
             if not parse(item.expression).names.isdisjoint(rates)
         ]
+        return [
+            {"code": "not_flown", "pointer": place, "detail": detail}
+            for place in [*places, *self._rate_costs]
+        ]
+
+
+def _parts(problem: ProblemSpec) -> list[tuple[str, ProblemSpec | PhaseSpec]]:
+    """The problem and its phases, each with its place in the document."""
+    phases = [(f"/problem/phases/{index}", phase) for index, phase in enumerate(problem.phases)]
+    return [("/problem", problem), *phases]

@@ -332,6 +332,13 @@ def test_rated_controls_are_flown_and_what_names_their_rate_is_said(rigid_body: 
     assert result["final"]["x"]["nominal"] == pytest.approx(1.0, abs=1e-3)
     assert [item["pointer"] for item in result["warnings"]] == ["/problem/outputs/0"]
     assert result["outputs"] == {}
+    problem |= {"final_time": 3, "objective": {"running": "u_dot^2"}, "outputs": []}
+    rigid_body["output"] = {"command": {"period": 0.1}}
+    answered = answer({**rigid_body, "method": {"name": "swcm", "L": 8, "J": 3}})
+    assert answered["command"]["verification"]["states"]["x"]["final"] == pytest.approx(1.0, abs=1e-3)
+    result = flown(answered, runs=1)
+    assert [item["pointer"] for item in result["warnings"]] == ["/problem/objective/running"]
+    assert result["objective"]["nominal"] is None
 
 
 def test_a_data_table_over_time_is_met_at_its_corners(body: Document) -> None:
