@@ -33,7 +33,7 @@ from solvers.spec import (
 from solvers.status import SolveStatus
 from solvers.switching import find_switching, is_switched
 from solvers.trajectory import Trajectory
-from solvers.verification import Verification
+from solvers.verification import Check, Verification
 
 # The highest level to which the automatic choice refines: 500,000 intervals where they are needed.
 _AUTOMATIC_LEVEL = 16
@@ -46,6 +46,8 @@ _LONGEST, _LONGEST_BESIDE = 1.0 / 3.0, 1.0 / 12.0
 _FIRST_ITERATIONS = 300
 # Of the accuracy asked for, what a structure may come to: it is estimated, and verified later.
 _SAFE_PART = 0.8
+# The estimated error of a mesh is within this factor of the true one: beyond it the tolerance is missed.
+_CERTAINLY_OFF = 10.0
 _SWITCHING_ADVICE = (
     " Where a control jumps between its bounds or slides between them, no mesh does what method.refine:"
     " switching does."
@@ -119,8 +121,13 @@ class Improved(Generic[Ended]):
         return [find_switching(part.transcription.problem, part.trajectory) for part in self.solved.parts]
 
     def certified(self, verification: Verification) -> Verification:
-        """The verification with what else a refined answer must show."""
-        return verification if self.refinement is None else self.refinement.certified(verification)
+        """The verification with what else a refined answer, or one on an adapted mesh, must show."""
+        if self.refinement is not None and self.refinement.refined is not None:
+            return self.refinement.certified(verification)
+        if self.adapted is None or self.adaptivity is None:
+            return verification
+        check = Check("mesh_error", self.adapted.error, _CERTAINLY_OFF * self.adaptivity.tolerance)
+        return replace(verification, checks=(*verification.checks, check))
 
 
 @dataclass(frozen=True)

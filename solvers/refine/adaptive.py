@@ -83,11 +83,15 @@ class AdaptiveMesh(Protocol):
 
 @dataclass(frozen=True)
 class Adapted(Generic[Ended]):
-    """The answer on the last or the best meshes; ``reason``: why the tolerance was not reached, or None."""
+    """The answer on the last or the best meshes; ``reason``: why the tolerance was not reached, or None.
+
+    ``error``: the largest estimated error of any kind, None where no mesh came to an answer.
+    """
 
     solved: Ended
     meshes: Sequence[AdaptiveMesh]
     reason: str | None
+    error: float | None
 
 
 @dataclass(frozen=True)
@@ -132,10 +136,10 @@ def adapt(
         last, last_meshes, best, reason = _refined(session, meshes, tolerance, first, begun)
     finally:
         session.tolerance, session.limits = asked, limits
-    if reason is None:
-        return Adapted(last, last_meshes, None)
     if best is None:
-        return Adapted(last, last_meshes, f"The adaptive mesh ended {last.outcome.status.value}.")
+        return Adapted(last, last_meshes, f"The adaptive mesh ended {last.outcome.status.value}.", None)
+    if reason is None:
+        return Adapted(best.solved, best.meshes, None, best.error)
     answer = best.solved
     if last.stopped:
         reason = f"{seconds:.0f} s were not enough" if session.stop is None else "it was stopped"
@@ -144,7 +148,7 @@ def adapt(
     elif not last.converged:
         reason = f"the program on a finer mesh ended {last.outcome.status.value}"
     detail = f"The adaptive mesh stopped at an estimated error of {best.error:.1e}: {reason}."
-    return Adapted(answer, best.meshes, detail)
+    return Adapted(answer, best.meshes, detail, best.error)
 
 
 @dataclass(frozen=True)
@@ -171,10 +175,10 @@ def _refined(
         session.convergence[-1]["error_estimate"] = (
             assessed.largest if np.isfinite(assessed.largest) else None
         )
-        if assessed.largest <= assessed.limit:
-            return solved, meshes, best, None
         if best is None or assessed.largest < best.error:
             best = _Best(assessed.largest, solved, meshes)
+        if assessed.largest <= assessed.limit:
+            return solved, meshes, best, None
         history.append(assessed.largest)
         if len(history) > _PATIENCE and min(history[-_PATIENCE:]) > 0.5 * min(history[:-_PATIENCE]):
             return solved, meshes, best, "refinement no longer helps"

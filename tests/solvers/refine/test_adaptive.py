@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.optimize import brentq
 
 from solvers.catalogue import load_case
 from solvers.meshes import adaptive_mesh_of
@@ -346,3 +347,28 @@ def session() -> Session:
         limits=Limits(time.monotonic() + 60.0, progress.cancelled),
         progress=progress,
     )
+
+
+def test_an_answer_that_flies_well_and_gives_too_much_away_is_not_called_one() -> None:
+    """Least variation of a rate-limited force: a slope a / 10 in the middle of u = a, then -a, costs 2 a."""
+    amplitude = brentq(lambda a: a * 2.5**2 / 4 - a**3 / 300 - 1, 0, 1)
+    model = {
+        "kind": "first_order",
+        "states": ["x", "v"],
+        "controls": ["u"],
+        "dynamics": {"x": "v", "v": "u"},
+    }
+    problem = {
+        "model": model,
+        "final_time": 2.5,
+        "initial_state": {"*": 0},
+        "final_state": {"x": 1, "v": 0},
+        "bounds": {"u": [-1, 1]},
+        "control_rates": {"u": [-10, 10]},
+        "objective": {"running": "abs(u_dot)"},
+    }
+    solution = solve(check_document({"problem": problem, "method": {"name": "swcm", "adaptive": {}}}))
+    (check,) = [check for check in solution.verification.checks if check.name == "mesh_error"]
+    assert check.limit == pytest.approx(1e-5)
+    off = abs(solution.objective / (2 * amplitude) - 1)
+    assert check.passed == solution.success == (off <= 1e-5)
