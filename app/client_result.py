@@ -124,7 +124,7 @@ class Result(dict[str, Any]):
         row both values; what a phase does not have is NaN there.
         Raises ValueError for times outside the trajectory, `NotFiniteError` for an iterate that diverged.
         """
-        from solvers.sampling import sample_any
+        from solvers.output.sampling import sample_any
 
         problems, trajectory = self._answer
         instants = np.asarray(times, np.float64)
@@ -138,8 +138,8 @@ class Result(dict[str, Any]):
     @cached_property
     def _answer(self) -> tuple[list[OptimalControlProblem], AnyTrajectory]:
         """The problem of each phase, for its outputs, and the curves."""
+        from solvers.output.sampling import problems_of
         from solvers.phases.trajectory import trajectory_of
-        from solvers.sampling import problems_of
 
         return problems_of(self), trajectory_of(self)
 
@@ -154,7 +154,7 @@ class Result(dict[str, Any]):
             import xarray
         except ImportError as error:
             raise MissingExtraError("to_xarray()", "xarray") from error
-        from solvers.plot import units_of
+        from solvers.output.plot import units_of
 
         units = units_of(self)
         last = np.append(np.diff(self.t) > 0, True)  # of equal times
@@ -183,6 +183,6 @@ class Result(dict[str, Any]):
 
     def plot(self, title: str = "") -> Figure:
         """The picture of the result as a matplotlib figure, of no global state: ``.savefig("slew.pdf")``."""
-        from solvers.plot import draw
+        from solvers.output.plot import draw
 
         return draw(self, title)

@@ -25,9 +25,9 @@ from solvers.genetic.model import ArrayModel
 from solvers.genetic.quadrature import QuadratureSimulator, find_chains
 from solvers.genetic.runge_kutta import RungeKuttaSimulator
 from solvers.problem import OptimalControlProblem
-from solvers.scaling import automatic_scaling
 from solvers.solve import solve
 from solvers.spec import check_document
+from solvers.start.scaling import automatic_scaling
 
 SEEDS = range(20)
 KERNELS = {"NumPy": kernel.NumpyKernel, "numba": CompiledKernel}

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from solvers.elastic import Wish, elastic_problem, wishes_of, wishes_over_all
+from solvers.formulation.elastic import Wish, elastic_problem, wishes_of, wishes_over_all
 from solvers.meshes import Mesh
 from solvers.part import Part
 from solvers.session import Solving

@@ -10,8 +10,6 @@ from itertools import chain
 from typing import Any, Generic
 
 from solvers.diagnosis import Place, diagnose
-from solvers.earlier import taken_over
-from solvers.first_answer import first_answers
 from solvers.meshes import adaptive_mesh_of, meshes_of
 from solvers.phases.trajectory import AnyTrajectory
 from solvers.refine.adaptive import Adapted, adapt
@@ -30,10 +28,12 @@ from solvers.spec import (
     SplineAdaptivity,
     SplineWaveletMethod,
 )
+from solvers.start.earlier import taken_over
+from solvers.start.first_answer import first_answers
 from solvers.status import SolveStatus
 from solvers.switching import find_switching, is_switched
 from solvers.trajectory import Trajectory
-from solvers.verification import Check, Verification
+from solvers.verification.verdict import Check, Verification
 
 # The highest level to which the automatic choice refines: 500,000 intervals where they are needed.
 _AUTOMATIC_LEVEL = 16

@@ -6,7 +6,6 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 
 from solvers.errors import Fault
-from solvers.evaluation_fault import Where, find_evaluation_fault
 from solvers.problem import OptimalControlProblem
 from solvers.progress import ProgressReport
 from solvers.session import Account, Session
@@ -14,8 +13,9 @@ from solvers.solution import PlantAnswer
 from solvers.spec import AutoMethod, JobSpec
 from solvers.status import SolveStatus
 from solvers.trajectory import Trajectory
-from solvers.verification import Tolerances, Verification
-from solvers.verify import verify
+from solvers.verification.evaluation_fault import Where, find_evaluation_fault
+from solvers.verification.verdict import Tolerances, Verification
+from solvers.verification.verify import verify
 
 _SECONDS = {SolveStatus.CONVERGED: 60.0, SolveStatus.CANCELLED: 0.5}
 _SECONDS_UNCONVERGED = 2.0

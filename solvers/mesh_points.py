@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from solvers.bases.graded import GradedKnots
+from solvers.formulation.time_knots import mesh_corners, refined_at, with_corners, with_moments
 from solvers.problem import OptimalControlProblem
-from solvers.time_knots import mesh_corners, refined_at, with_corners, with_moments
 
 Vector = NDArray[np.float64]
 

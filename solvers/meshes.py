@@ -4,14 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
-from solvers.guess import Start
+from solvers.formulation.time_knots import mesh_corners
 from solvers.mesh_points import gauss_mesh, interval_corners, interval_mesh, spline_mesh
 from solvers.problem import OptimalControlProblem
 from solvers.refine.adaptive import AdaptiveMesh
 from solvers.refine.adaptive_gauss import GaussMesh
 from solvers.refine.adaptive_intervals import IntervalMesh
 from solvers.refine.adaptive_splines import SplineMesh
-from solvers.scaling import Scaling
 from solvers.spec import (
     GaussPseudospectralMethod,
     HermiteSimpsonMethod,
@@ -19,7 +18,8 @@ from solvers.spec import (
     SplineAdaptivity,
     SplineWaveletMethod,
 )
-from solvers.time_knots import mesh_corners
+from solvers.start.guess import Start
+from solvers.start.scaling import Scaling
 from solvers.transcription.base import Transcription
 from solvers.transcription.gauss_pseudospectral import GaussPseudospectral
 from solvers.transcription.hermite_simpson import HermiteSimpson

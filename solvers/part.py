@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from solvers.problem import OptimalControlProblem
-from solvers.scaling import Scaling
+from solvers.start.scaling import Scaling
 
 
 @dataclass(frozen=True)

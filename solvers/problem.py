@@ -18,14 +18,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from solvers.attitude import attitude_constraints, guessed_attitude
 from solvers.backends import NUMPY, Backend
-from solvers.data_table import covered_times
-from solvers.dynamics import Dynamics, NodeScope
 from solvers.expressions import Expression, parse, product, total
-from solvers.guess import Guess, Start, make_guess
-from solvers.models import Formula
-from solvers.quantities import (
+from solvers.formulation.attitude import attitude_constraints, guessed_attitude
+from solvers.formulation.data_table import covered_times
+from solvers.formulation.dynamics import Dynamics, NodeScope
+from solvers.formulation.quantities import (
     FREE,
     WHOLE_SPAN,
     Constraint,
@@ -34,8 +32,10 @@ from solvers.quantities import (
     Interval,
     NamedQuantity,
 )
-from solvers.reading import constraints, control_ends, design_parameter, integrals, outputs
+from solvers.formulation.reading import constraints, control_ends, design_parameter, integrals, outputs
+from solvers.models import Formula
 from solvers.spec import ProblemSpec, bound_interval, definitions_of, final_intervals, initial_intervals
+from solvers.start.guess import Guess, Start, make_guess
 from solvers.trajectory import Trajectory
 
 Vector = NDArray[np.float64]

@@ -20,9 +20,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from solvers.errors import pointer
+from solvers.formulation.scenarios import formulate
 from solvers.optimizers.outcome import Outcome
 from solvers.program import NonlinearProgram
-from solvers.scenarios import formulate
 from solvers.solved import Solved
 from solvers.spec import BoundValue, PhaseSpec, ProblemSpec, Value, evaluate_constant
 

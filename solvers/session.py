@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from solvers.cache import STRUCTURES, CompiledStructure
+from solvers.formulation.quantities import Constraint, Total
 from solvers.optimizers.ipopt import Ipopt
 from solvers.optimizers.newton import Newton
 from solvers.optimizers.outcome import Iterate, Limits, Optimizer, Outcome
@@ -20,10 +21,9 @@ from solvers.part import Part
 from solvers.problem import OptimalControlProblem
 from solvers.program import NonlinearProgram
 from solvers.progress import Progress, ProgressReport
-from solvers.quantities import Constraint, Total
-from solvers.scaling import Scaling
 from solvers.solution import Statistics
 from solvers.solved import Ended, Optimisable, Solved, Stand
+from solvers.start.scaling import Scaling
 from solvers.status import SolveStatus
 from solvers.transcription.base import Transcription
 

@@ -9,6 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from solvers.bases.legendre import legendre_gauss
+from solvers.formulation.quantities import Interval
+from solvers.formulation.scenarios import formulate
+from solvers.formulation.time_knots import LONGEST_MOMENT
 from solvers.genetic.basis import basis_of
 from solvers.mesh_points import gauss_mesh, interval_mesh, spline_mesh
 from solvers.phases.problem import PhasedProblem
@@ -16,8 +19,6 @@ from solvers.phases.scenarios import formulate_phases
 from solvers.piecewise.driven import driven_states
 from solvers.piecewise.plan import Plan
 from solvers.problem import OptimalControlProblem
-from solvers.quantities import Interval
-from solvers.scenarios import formulate
 from solvers.spec import (
     AutoMethod,
     GaussPseudospectralMethod,
@@ -28,7 +29,6 @@ from solvers.spec import (
     PiecewiseMethod,
     SplineWaveletMethod,
 )
-from solvers.time_knots import LONGEST_MOMENT
 
 Vector = NDArray[np.float64]
 

@@ -14,17 +14,17 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from solvers.aftermath import asked_for
 from solvers.coefficients import encode
+from solvers.formulation.plants import Plant
+from solvers.output.aftermath import asked_for
+from solvers.output.report import constraint_margins
+from solvers.output.sampling import output_extremes, sample
 from solvers.phases.trajectory import AnyTrajectory
-from solvers.plants import Plant
 from solvers.problem import OptimalControlProblem
-from solvers.report import constraint_margins
-from solvers.sampling import output_extremes, sample
 from solvers.spec import JobSpec
 from solvers.status import SolveStatus
 from solvers.trajectory import Trajectory
-from solvers.verification import Verification
+from solvers.verification.verdict import Verification
 
 Vector = NDArray[np.float64]
 

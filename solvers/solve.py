@@ -7,28 +7,28 @@ import time
 from dataclasses import replace
 
 from solvers.diagnosis import sentence
-from solvers.earlier import other_phases
-from solvers.elastic import place_in_document
 from solvers.errors import DocumentError, Fault
+from solvers.formulation.elastic import place_in_document
+from solvers.formulation.scenarios import formulate
+from solvers.formulation.time_knots import tables_that_end
 from solvers.genetic.solve import solve_by_genes
 from solvers.improve import other_structures, reach
 from solvers.judgement import judge, verified
 from solvers.model_report import model_report
 from solvers.optimizers.outcome import Limits
+from solvers.output.report import constraint_margins
 from solvers.phases.solution import PhasedSolution
 from solvers.phases.solve import solve_phases
 from solvers.phases.trajectory import AnyTrajectory
 from solvers.piecewise.solve import solve_piecewise
 from solvers.problem import OptimalControlProblem
 from solvers.progress import Progress, SilentProgress
-from solvers.report import constraint_margins
-from solvers.scaling import automatic_scaling
-from solvers.scenarios import formulate
 from solvers.sensitivity import sensitivity
 from solvers.session import Session, start_report, statistics_of
 from solvers.solution import PlantAnswer, Solution
 from solvers.spec import GeneticMethod, JobSpec, PiecewiseMethod
-from solvers.time_knots import tables_that_end
+from solvers.start.earlier import other_phases
+from solvers.start.scaling import automatic_scaling
 
 
 def solve(

@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from solvers.formulation.quantities import Interval
 from solvers.problem import OptimalControlProblem
-from solvers.quantities import Interval
 from solvers.trajectory import Trajectory
 
 Vector = NDArray[np.float64]

@@ -7,8 +7,8 @@ from typing import Any
 
 import casadi as ca
 
-from solvers.data_table import DataTable
 from solvers.expressions import LOOKUP
+from solvers.formulation.data_table import DataTable
 
 
 def look_up(table: DataTable, argument: Any) -> ca.SX:

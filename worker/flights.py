@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from solvers.flight import FlightError
 from solvers.flights.fly import FlightsStopped
 from solvers.flights.run import run_flights
 from solvers.progress import Progress
 from solvers.spec import parse_document
 from solvers.spec.flights import check_flights
+from solvers.verification.flight import FlightError
 from worker import outcome
 from worker.records import JobRecord
 

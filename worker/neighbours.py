@@ -12,7 +12,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 from solvers.phases.trajectory import AnyTrajectory, trajectory_of
-from solvers.prediction import predicted
+from solvers.start.prediction import predicted
 from worker.records import SweepPlace
 from worker.store import JobStore
 from worker.sweeps import SweepStore

@@ -18,10 +18,10 @@ from worker.store import compress
 from worker.sweeps import figures_of
 
 if TYPE_CHECKING:
-    from solvers.flight import FlightError
     from solvers.flights.fly import FlightsStopped
     from solvers.flights.run import Flights
     from solvers.solution import Answer
+    from solvers.verification.flight import FlightError
 
 logger = logging.getLogger(__name__)
 

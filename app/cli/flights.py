@@ -33,14 +33,14 @@ def flights(result: Path, file: str, output: Path | None, table: Path | None, pr
     line for each mistake on stderr.
     """
     from app.cli.solve import BarProgress
-    from solvers.export import flights_csv
+    from solvers.output.export import flights_csv
     from solvers.spec.flights import check_flights
 
     answered = _answer(result)
     spec = check_flights(read_document(file), answered["resolved"]["document"])
-    from solvers.flight import FlightError
     from solvers.flights.fly import FlightsStopped
     from solvers.flights.run import run_flights
+    from solvers.verification.flight import FlightError
 
     with progress_bar(progress) as bar:
         watcher = BarProgress(bar)

@@ -17,8 +17,8 @@ def replay(bundle: Path) -> None:
     Exit code 0: it passes its verification, and every figure is what the result says; 1: not; 2: the file is
     no bundle.
     """
-    from solvers.bundle import BundleError, unpack
-    from solvers.replay import replay as fly
+    from solvers.output.bundle import BundleError, unpack
+    from solvers.verification.replay import replay as fly
 
     try:
         found = fly(unpack(bundle.read_bytes()))

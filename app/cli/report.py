@@ -28,7 +28,7 @@ def report(file: Path, output: Path | None) -> None:
 
 def _read(file: Path) -> tuple[dict[str, Any], dict[str, Any] | None]:
     """The document and the result."""
-    from solvers.bundle import BundleError, unpack
+    from solvers.output.bundle import BundleError, unpack
 
     content = file.read_bytes()
     if content.startswith(b"PK"):

@@ -51,7 +51,7 @@ plot_option = click.option(
 
 def draw(result: Mapping[str, Any], title: str | None, target: Path) -> None:
     """Draw a result into ``target``."""
-    from solvers.plot import render
+    from solvers.output.plot import render
 
     kind: Literal["png", "svg"] = "png" if target.suffix.lower() == ".png" else "svg"
     write_output(render(result, kind, title or ""), target)

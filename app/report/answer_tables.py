@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from app.report.cells import Result, Table, cut, figure, symbol, verdict
-from solvers.plot import with_unit
+from solvers.output.plot import with_unit
 
 _MAXIMA = {
     "terminal_error": "miss at the end",

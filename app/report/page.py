@@ -16,7 +16,7 @@ from app.report.cells import figure
 from app.report.equations import Block, model_blocks, problem_blocks
 from app.report.problem_tables import problem_tables
 from app.report.review_tables import provenance_table, review_tables, verification_tables
-from solvers.plot import render_parts, units_of, with_unit
+from solvers.output.plot import render_parts, units_of, with_unit
 from solvers.spec import JobSpec, PiecewiseMethod, check_document
 
 if TYPE_CHECKING:

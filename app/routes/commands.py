@@ -12,8 +12,8 @@ from app.errors import ServiceError, wrong_parameter
 from app.negotiation import chosen_type
 from app.openapi import refusals
 from app.service import Shared
-from solvers.aftermath import TooManyRowsError, commanded
-from solvers.export import command_csv, command_mat
+from solvers.output.aftermath import TooManyRowsError, commanded
+from solvers.output.export import command_csv, command_mat
 from solvers.phases.trajectory import trajectory_of
 from solvers.spec import CommandSpec, check_document
 

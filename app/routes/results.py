@@ -18,11 +18,11 @@ from app.openapi import refusals
 from app.report import POLICY
 from app.schemas import JobView
 from app.service import Service, Shared
-from solvers.bundle import pack
-from solvers.export import to_csv, to_mat, to_npz
+from solvers.output.bundle import pack
+from solvers.output.export import to_csv, to_mat, to_npz
+from solvers.output.plot import render
+from solvers.output.sampling import resample
 from solvers.phases.trajectory import AnyTrajectory
-from solvers.plot import render
-from solvers.sampling import resample
 from worker.records import JobEvent, timestamp
 
 router = APIRouter(prefix="/v1/jobs/{job_id}", tags=["results"])

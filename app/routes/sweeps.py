@@ -17,7 +17,7 @@ from app.openapi import SWEEP_BODY, refusals
 from app.routes.jobs import Body, Key
 from app.service import Service, Shared
 from app.sweeps import SweepView, is_final, submit_sweep, sweep_view
-from solvers.sweep_export import FIGURES, stacked, sweep_csv, sweep_npz
+from solvers.output.sweep_export import FIGURES, stacked, sweep_csv, sweep_npz
 from worker.sweeps import SweepRecord, TableRow
 
 router = APIRouter(prefix="/v1/sweeps", tags=["sweeps"])

@@ -29,8 +29,8 @@ from solvers.curves import LinearCurve
 from solvers.problem import OptimalControlProblem
 from solvers.spec import check_document
 from solvers.trajectory import Trajectory
-from solvers.verification import Tolerances
-from solvers.verify import verify
+from solvers.verification.verdict import Tolerances
+from solvers.verification.verify import verify
 
 HERE = Path(__file__).resolve().parent
 ROOT = HERE.parents[1]

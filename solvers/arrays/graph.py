@@ -13,8 +13,8 @@ from typing import Any
 
 import numpy as np
 
-from solvers.data_table import DataTable
 from solvers.expressions import LOOKUP, NUMPY_FUNCTIONS
+from solvers.formulation.data_table import DataTable
 
 Operands = tuple[int, ...]
 

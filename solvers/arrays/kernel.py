@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from solvers.arrays.graph import OPERATIONS, Graph, Symbol, needed
-from solvers.data_table import DataTable
+from solvers.formulation.data_table import DataTable
 
 Vector = NDArray[np.float64]
 logger = logging.getLogger(__name__)

@@ -11,19 +11,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from solvers.backends import NUMPY
-from solvers.coast import SAMPLES as COAST_SAMPLES
-from solvers.elastic import Wish
 from solvers.expressions import Expression
 from solvers.flights.commands import Commands, inside
 from solvers.flights.draws import Draws
 from solvers.flights.flown import Extremes, Flown, Missed
 from solvers.flights.model import Fleet
 from solvers.flights.population import NODES, Population
-from solvers.legs import Leg
+from solvers.formulation.elastic import Wish
+from solvers.formulation.quantities import Constraint, NamedQuantity
+from solvers.formulation.time_knots import corner_times
+from solvers.output.coast import SAMPLES as COAST_SAMPLES
 from solvers.problem import End
-from solvers.quantities import Constraint, NamedQuantity
-from solvers.time_knots import corner_times
-from solvers.violations import SMALLEST_SCALE
+from solvers.verification.legs import Leg
+from solvers.verification.violations import SMALLEST_SCALE
 
 Vector = NDArray[np.float64]
 

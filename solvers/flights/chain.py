@@ -11,16 +11,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from solvers.backends import NUMPY
-from solvers.elastic import Wish
 from solvers.expressions import parse
 from solvers.flights.block import Begin, Block, Ends, Watch, evaluated, scale_of_limit, with_first
 from solvers.flights.commands import Commands
 from solvers.flights.draws import Draws
 from solvers.flights.flown import Flown, Missed, together
-from solvers.legs import Leg, Route
+from solvers.formulation.elastic import Wish
 from solvers.phases.peak import peaks_of
 from solvers.phases.problem import start_after
 from solvers.spec import ProblemSpec
+from solvers.verification.legs import Leg, Route
 
 Vector = NDArray[np.float64]
 

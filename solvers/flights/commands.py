@@ -8,12 +8,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from solvers.command import make_command, played
-from solvers.flown_controls import FlownControls
-from solvers.legs import Leg
-from solvers.quantities import FREE
+from solvers.formulation.quantities import FREE
+from solvers.formulation.time_knots import flight_corners
+from solvers.output.command import make_command, played
 from solvers.spec import CommandSpec
-from solvers.time_knots import flight_corners
+from solvers.verification.flown_controls import FlownControls
+from solvers.verification.legs import Leg
 
 Vector = NDArray[np.float64]
 Rows = NDArray[np.intp]

@@ -7,23 +7,23 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from solvers.elastic import Wish, wishes_of, wishes_over_all
 from solvers.errors import OndeletteError
-from solvers.flight import FlightError
 from solvers.flights.chain import Plan, fly_plan
 from solvers.flights.commands import commands_of
 from solvers.flights.draws import Draws
 from solvers.flights.flown import Flown
 from solvers.flights.model import dispersed
-from solvers.legs import rates_of, routes, without_rates
+from solvers.formulation.elastic import Wish, wishes_of, wishes_over_all
 from solvers.phases.trajectory import AnyTrajectory
 from solvers.problem import OptimalControlProblem
 from solvers.progress import Progress, ProgressReport
-from solvers.scaling import automatic_scaling
 from solvers.spec import JobSpec
 from solvers.spec.flights import FlightsSpec
 from solvers.spec.pointers import parse_pointer
+from solvers.start.scaling import automatic_scaling
 from solvers.status import SolveStatus
+from solvers.verification.flight import FlightError
+from solvers.verification.legs import rates_of, routes, without_rates
 
 # So many flights at once stay in the cache.
 _BLOCK = 1024

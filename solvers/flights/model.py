@@ -11,14 +11,14 @@ from numpy.typing import NDArray
 
 from solvers.arrays.kernel import Kernels
 from solvers.backends import NUMPY
-from solvers.dynamics import NodeScope
 from solvers.expressions import parse
+from solvers.formulation.dynamics import NodeScope
+from solvers.formulation.quantities import FREE, DesignParameter
+from solvers.formulation.scenarios import NOMINAL
 from solvers.genetic.model import ArrayModel
-from solvers.legs import Leg
 from solvers.problem import End, OptimalControlProblem
-from solvers.quantities import FREE, DesignParameter
-from solvers.scenarios import NOMINAL
 from solvers.spec import ProblemSpec
+from solvers.verification.legs import Leg
 
 Vector = NDArray[np.float64]
 

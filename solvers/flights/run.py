@@ -12,18 +12,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from solvers.expressions import parse
-from solvers.flight import INTEGRATOR, FlightError
 from solvers.flights.block import RTOL
 from solvers.flights.draws import Draws, draw
 from solvers.flights.flown import Flown
 from solvers.flights.fly import fly
-from solvers.legs import rate_costs, rates_of
 from solvers.phases.trajectory import trajectory_of
 from solvers.progress import Progress, SilentProgress
 from solvers.solution import finite, provenance
 from solvers.spec import JobSpec, ProblemSpec, check_document
 from solvers.spec.flights import FlightsSpec
 from solvers.spec.phases import PhaseSpec
+from solvers.verification.flight import INTEGRATOR, FlightError
+from solvers.verification.legs import rate_costs, rates_of
 
 Vector = NDArray[np.float64]
 

@@ -17,14 +17,14 @@ from solvers.genetic.model import ArrayModel
 from solvers.genetic.penalties import end_residuals, with_penalised_end
 from solvers.genetic.runge_kutta import RungeKuttaSimulator
 from solvers.genetic.search import Found
-from solvers.guess import Start
 from solvers.problem import OptimalControlProblem
 from solvers.session import Session
 from solvers.solved import Solved
 from solvers.spec import GeneticMethod
+from solvers.start.guess import Start
 from solvers.trajectory import Trajectory
 from solvers.transcription.daubechies_controls import DaubechiesControls
-from solvers.violations import SMALLEST_SCALE
+from solvers.verification.violations import SMALLEST_SCALE
 
 Vector = NDArray[np.float64]
 

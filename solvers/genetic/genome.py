@@ -11,10 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from solvers.bases.daubechies import DaubechiesBasis
-from solvers.guess import Start
+from solvers.formulation.quantities import Interval
 from solvers.problem import OptimalControlProblem
-from solvers.quantities import Interval
-from solvers.scaling import Scaling
+from solvers.start.guess import Start
+from solvers.start.scaling import Scaling
 
 Vector = NDArray[np.float64]
 

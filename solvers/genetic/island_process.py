@@ -7,14 +7,14 @@ import time
 from multiprocessing.connection import Connection
 
 from solvers.companion import Failure, serve
+from solvers.formulation.scenarios import formulate
 from solvers.genetic.record import Recorder
 from solvers.genetic.run import Order, run
 from solvers.genetic.stage import Stage, Stages
 from solvers.optimizers.genetic import Generation
 from solvers.phases.trajectory import AnyTrajectory
-from solvers.scaling import automatic_scaling
-from solvers.scenarios import formulate
 from solvers.spec import GeneticMethod, check_document
+from solvers.start.scaling import automatic_scaling
 
 _TELL_EVERY = 0.1  # seconds
 

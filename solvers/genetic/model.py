@@ -9,9 +9,9 @@ from typing import Any
 
 from solvers.arrays.graph import Graph, GraphBackend, Symbol
 from solvers.expressions import named, parse
+from solvers.formulation.quantities import WHOLE_SPAN, Interval
 from solvers.genetic.penalties import end_residuals, excess
 from solvers.problem import OptimalControlProblem
-from solvers.quantities import WHOLE_SPAN, Interval
 
 
 @dataclass(frozen=True)

@@ -8,8 +8,8 @@ from dataclasses import replace
 import numpy as np
 
 from solvers.expressions import Expression, combined, named, parse, positive_part, product, total
+from solvers.formulation.quantities import FREE, Interval
 from solvers.problem import OptimalControlProblem
-from solvers.quantities import FREE, Interval
 
 
 def end_residuals(problem: OptimalControlProblem) -> list[Expression]:

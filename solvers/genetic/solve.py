@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 
 from solvers.certificate import hamiltonian_drift
 from solvers.diagnosis import diagnose, sentence
-from solvers.earlier import other_phases
-from solvers.elastic import place_in_document
-from solvers.first_answer import first_answers
+from solvers.formulation.elastic import place_in_document
+from solvers.formulation.plants import Plant
+from solvers.formulation.scenarios import Formulation
 from solvers.genetic.answer import Simulation, end_error, fly, polish, scale_of
 from solvers.genetic.islands import Islands
 from solvers.genetic.penalties import with_free_end
@@ -25,19 +25,19 @@ from solvers.improve import Improved, first_methods, improve
 from solvers.judgement import judge, verified
 from solvers.meshes import meshes_of
 from solvers.model_report import model_report
+from solvers.output.report import constraint_margins
 from solvers.phases.trajectory import AnyTrajectory
-from solvers.plants import Plant
 from solvers.refine.residual import mesh_error_estimate
-from solvers.report import constraint_margins
-from solvers.scenarios import Formulation
 from solvers.session import Session, statistics_of
 from solvers.solution import PlantAnswer, Solution, Statistics
 from solvers.solved import Solved
 from solvers.spec import AutoMethod, GeneticMethod, JobSpec, ProblemSpec
+from solvers.start.earlier import other_phases
+from solvers.start.first_answer import first_answers
 from solvers.status import SolveStatus
 from solvers.switching import find_switching
 from solvers.trajectory import Trajectory
-from solvers.verification import Check, Verification
+from solvers.verification.verdict import Check, Verification
 
 Vector = NDArray[np.float64]
 

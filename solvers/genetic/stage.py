@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
-from solvers.earlier import starts_from
 from solvers.genetic.basis import basis_of
 from solvers.genetic.coordinates import Coordinates
 from solvers.genetic.fitness import Fitness
@@ -13,12 +12,13 @@ from solvers.genetic.genome import Genome
 from solvers.genetic.model import ArrayModel
 from solvers.genetic.quadrature import QuadratureSimulator
 from solvers.genetic.simulators import simulator_of
-from solvers.guess import Start
 from solvers.part import Part
 from solvers.phases.trajectory import AnyTrajectory
 from solvers.problem import OptimalControlProblem
-from solvers.scaling import Scaling
 from solvers.spec import GeneticMethod
+from solvers.start.earlier import starts_from
+from solvers.start.guess import Start
+from solvers.start.scaling import Scaling
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,10 +9,10 @@ from typing import Any
 
 import numpy as np
 
-from solvers.guess import WHOLE, Guess, default_final_time
+from solvers.formulation.quantities import Interval
 from solvers.problem import OptimalControlProblem
-from solvers.quantities import Interval
 from solvers.spec import ProblemSpec, evaluate_constant, fields_of, inside, written_out
+from solvers.start.guess import WHOLE, Guess, default_final_time
 
 _GROUPS = "states", "controls"
 

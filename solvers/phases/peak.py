@@ -9,11 +9,11 @@ import numpy as np
 
 from solvers.backends import NUMPY
 from solvers.expressions import Expression, named, total
-from solvers.lifting import FLIGHT_PEAK, below_peak, lifted, peak_of_guess, with_peak
+from solvers.formulation.lifting import FLIGHT_PEAK, below_peak, lifted, peak_of_guess, with_peak
 from solvers.phases.problem import PhasedProblem
 from solvers.phases.trajectory import PhasedTrajectory
 from solvers.problem import OptimalControlProblem
-from solvers.violations import dense
+from solvers.verification.violations import dense
 
 
 def flight_peak(plant: str = "") -> str:

@@ -18,19 +18,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from solvers.backends import NUMPY, Backend
-from solvers.elastic import place_in_document
 from solvers.errors import pointer
 from solvers.expressions import Expression
-from solvers.lifting import FLIGHT_PEAK, corners, has_corners, nonsmooth
-from solvers.plants import Plant
+from solvers.formulation.elastic import place_in_document
+from solvers.formulation.lifting import FLIGHT_PEAK, corners, has_corners, nonsmooth
+from solvers.formulation.plants import Plant
+from solvers.formulation.quantities import Constraint, Total
+from solvers.formulation.time_knots import corner_warnings
 from solvers.problem import End, OptimalControlProblem, Parameters, Values, at_the_ends, names_of
-from solvers.quantities import Constraint, Total
 from solvers.spec import (
     PhaseView,
     ProblemSpec,
 )
 from solvers.spec.pointers import parse_pointer
-from solvers.time_knots import corner_warnings
 from solvers.trajectory import Trajectory
 
 Vector = NDArray[np.float64]

@@ -9,16 +9,16 @@ from typing import Any
 
 import numpy as np
 
-from solvers.attitude import guessed_attitude
 from solvers.expressions import named, parse, total
-from solvers.lifting import lifted, with_peak
+from solvers.formulation.attitude import guessed_attitude
+from solvers.formulation.lifting import lifted, with_peak
+from solvers.formulation.plants import Plant
+from solvers.formulation.quantities import FREE, Interval, Total
+from solvers.formulation.reading import constraints, integrals
+from solvers.formulation.scenarios import cases_of
 from solvers.phases.guess import chained_guesses, histories, nodes_by_phase, phase_times
 from solvers.phases.problem import Link, Phase, PhasedProblem, start_after
-from solvers.plants import Plant
 from solvers.problem import End, OptimalControlProblem
-from solvers.quantities import FREE, Interval, Total
-from solvers.reading import constraints, integrals
-from solvers.scenarios import cases_of
 from solvers.spec import (
     Guess,
     Objective,

@@ -1,7 +1,7 @@
 """One command for several plants over all phases: the flights of all of them together, and each alone.
 
-In every phase the plants are one problem (:mod:`solvers.plants`); links, and what counts over the whole
-flight, stand once for every plant that has a say in them.
+In every phase the plants are one problem (:mod:`solvers.formulation.plants`); links, and what counts over the
+whole flight, stand once for every plant that has a say in them.
 """
 
 from __future__ import annotations
@@ -10,13 +10,9 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 from solvers.expressions import Expression, named, renamed
-from solvers.implied_ends import relaxed_ends
-from solvers.lifting import lifted
-from solvers.phases.peak import below_flight_peak, flight_peak, peaks_of, plus_peak, with_flight_peak
-from solvers.phases.problem import Link, Phase, PhasedProblem
-from solvers.phases.reading import flight_of
-from solvers.phases.trajectory import PhasedTrajectory
-from solvers.plant_objectives import (
+from solvers.formulation.implied_ends import relaxed_ends
+from solvers.formulation.lifting import lifted
+from solvers.formulation.plant_objectives import (
     LEVEL,
     averaged,
     below_level,
@@ -26,10 +22,14 @@ from solvers.plant_objectives import (
     with_ends,
     with_level,
 )
-from solvers.plants import Plant, PlantPart, together
+from solvers.formulation.plants import Plant, PlantPart, together
+from solvers.formulation.quantities import Constraint, Total
+from solvers.formulation.scenarios import NOMINAL, Case, cases_of, implied_warnings
+from solvers.phases.peak import below_flight_peak, flight_peak, peaks_of, plus_peak, with_flight_peak
+from solvers.phases.problem import Link, Phase, PhasedProblem
+from solvers.phases.reading import flight_of
+from solvers.phases.trajectory import PhasedTrajectory
 from solvers.problem import OptimalControlProblem
-from solvers.quantities import Constraint, Total
-from solvers.scenarios import NOMINAL, Case, cases_of, implied_warnings
 from solvers.spec import ProblemSpec
 
 
@@ -63,7 +63,7 @@ class PhasedFormulation:
 
 
 def formulate_phases(spec: ProblemSpec, tolerance: float = 0.0) -> PhasedFormulation:
-    """The flight of a checked document; see :func:`solvers.scenarios.formulate`."""
+    """The flight of a checked document; see :func:`solvers.formulation.scenarios.formulate`."""
     if spec.scenarios is None:
         alone = flight_of(spec)
         return PhasedFormulation(

@@ -10,15 +10,15 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
+from solvers.formulation.quantities import FREE, Constraint, Total
 from solvers.optimizers.outcome import Outcome
 from solvers.part import Part
 from solvers.phases.problem import PhasedProblem, begin_after
 from solvers.phases.trajectory import PhasedTrajectory
 from solvers.phases.transcription import PhasedTranscription
-from solvers.quantities import FREE, Constraint, Total
-from solvers.scaling import Scaling
 from solvers.session import Solving
 from solvers.solved import Optimisable, Solved, Stand
+from solvers.start.scaling import Scaling
 from solvers.transcription.base import Transcription
 
 Vector = NDArray[np.float64]

@@ -10,13 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from solvers.coefficients import encode
+from solvers.output.sampling import output_extremes, sample_phases
 from solvers.phases.problem import PhasedProblem
 from solvers.phases.scenarios import FlightPlant
 from solvers.phases.trajectory import PhasedTrajectory, joined
 from solvers.problem import OptimalControlProblem
-from solvers.sampling import output_extremes, sample_phases
 from solvers.solution import Answer, interpolation_of, nodes_of
-from solvers.verification import Verification
+from solvers.verification.verdict import Verification
 
 Vector = NDArray[np.float64]
 

@@ -12,13 +12,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from solvers.diagnosis import sentence
-from solvers.earlier import other_phases
 from solvers.errors import Fault
-from solvers.evaluation_fault import Where, find_evaluation_fault
+from solvers.formulation.time_knots import tables_that_end
 from solvers.improve import Improved, reach
 from solvers.judgement import flown_in_time, judged
 from solvers.model_report import model_report
 from solvers.optimizers.outcome import Limits
+from solvers.output.report import constraint_margins, margins_of, merged_margins, said_of_the_ends
 from solvers.phases.problem import PhasedProblem
 from solvers.phases.scenarios import FlightPlant, formulate_phases
 from solvers.phases.session import PhasedSession, PhasedSolved
@@ -27,13 +27,13 @@ from solvers.phases.switching import joined_switching
 from solvers.phases.trajectory import AnyTrajectory, PhasedTrajectory
 from solvers.phases.verify import flight_scope, totals, verify_phases
 from solvers.progress import Progress
-from solvers.report import constraint_margins, margins_of, merged_margins, said_of_the_ends
-from solvers.scaling import automatic_scaling
 from solvers.sensitivity import Place, numbers_of, slopes
 from solvers.session import start_report, statistics_of
 from solvers.spec import JobSpec, ProblemSpec, Value
-from solvers.time_knots import tables_that_end
-from solvers.verification import Verification
+from solvers.start.earlier import other_phases
+from solvers.start.scaling import automatic_scaling
+from solvers.verification.evaluation_fault import Where, find_evaluation_fault
+from solvers.verification.verdict import Verification
 
 Vector = NDArray[np.float64]
 

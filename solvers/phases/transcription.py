@@ -23,7 +23,7 @@ from solvers.phases.joined import side_by_side
 from solvers.phases.problem import Link, PhasedProblem, meet_when_given, start_after
 from solvers.phases.trajectory import PhasedTrajectory
 from solvers.program import NonlinearProgram
-from solvers.scaling import magnitude
+from solvers.start.scaling import magnitude
 from solvers.symbolic import CASADI
 from solvers.transcription.assembly import columns
 from solvers.transcription.base import Transcription

@@ -15,14 +15,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from solvers.backends import NUMPY
-from solvers.boundary import End, Scales, boundary_violation
 from solvers.phases.peak import peak_along
 from solvers.phases.problem import PhasedProblem, begin_after
 from solvers.phases.trajectory import PhasedTrajectory
 from solvers.trajectory import Trajectory
-from solvers.verification import Check, StateReport, Tolerances, Verification
-from solvers.verify import verify
-from solvers.violations import dense, scale_of, scaled_violation
+from solvers.verification.boundary import End, Scales, boundary_violation
+from solvers.verification.verdict import Check, StateReport, Tolerances, Verification
+from solvers.verification.verify import verify
+from solvers.verification.violations import dense, scale_of, scaled_violation
 
 Vector = NDArray[np.float64]
 
@@ -32,7 +32,7 @@ _LINK = "link"
 def verify_phases(
     problem: PhasedProblem, answer: PhasedTrajectory, tolerances: Tolerances, deadline: float
 ) -> Verification:
-    """Fly every phase and the whole flight; see :func:`solvers.verify.verify`.
+    """Fly every phase and the whole flight; see :func:`solvers.verification.verify.verify`.
 
     The figures are the worst ones of all phases; besides, ``link`` compares the promised begin of each phase
     with what the link makes of the promised end before it.

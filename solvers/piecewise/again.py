@@ -15,7 +15,7 @@ from solvers.piecewise.verify import verify_mission
 from solvers.problem import OptimalControlProblem
 from solvers.spec import PiecewiseMethod, ProblemSpec
 from solvers.trajectory import Trajectory
-from solvers.verification import Tolerances, Verification
+from solvers.verification.verdict import Tolerances, Verification
 
 
 def verify_again(

@@ -12,18 +12,18 @@ from numpy.typing import NDArray
 from solvers.bases.hermite import cubic_pieces
 from solvers.coefficients import flight
 from solvers.curves import HermiteCurve
+from solvers.output.report import constraint_margins
 from solvers.piecewise.mission import Mission, Segment
 from solvers.piecewise.pieces import Pieces
 from solvers.piecewise.plant_flight import CompiledPlant
 from solvers.piecewise.setup import Setup
 from solvers.piecewise.verify import terminal_cost, verify_mission
 from solvers.problem import OptimalControlProblem
-from solvers.report import constraint_margins
 from solvers.solution import Solution, Statistics
 from solvers.status import SolveStatus
 from solvers.switching import find_switching
 from solvers.trajectory import Trajectory
-from solvers.verification import Tolerances, Verification
+from solvers.verification.verdict import Tolerances, Verification
 
 Vector = NDArray[np.float64]
 

@@ -18,7 +18,7 @@ from scipy import sparse
 
 from solvers.piecewise.layout import Layout
 from solvers.piecewise.mesh import Indices, Vector
-from solvers.scaling import magnitude
+from solvers.start.scaling import magnitude
 from solvers.symbolic import CASADI
 from solvers.transcription.builder import Places, fixed
 

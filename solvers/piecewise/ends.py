@@ -7,7 +7,7 @@ import numpy as np
 from scipy import sparse
 
 from solvers.piecewise.layout import Layout
-from solvers.scaling import magnitude
+from solvers.start.scaling import magnitude
 from solvers.symbolic import CASADI
 
 

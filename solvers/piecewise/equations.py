@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from solvers.backends import Backend
-from solvers.dynamics import Dynamics, NodeScope
+from solvers.formulation.dynamics import Dynamics, NodeScope
 from solvers.models import LIBRARY, Computed, Formula
 from solvers.spec import LibraryReference, SubmittedModel, definitions_of, written_out
 

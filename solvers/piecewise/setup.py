@@ -15,8 +15,8 @@ from solvers.piecewise.simple import SimpleModel
 from solvers.piecewise.track import Tracker
 from solvers.piecewise.wanted import Scales
 from solvers.problem import OptimalControlProblem
-from solvers.scaling import nearest_power_of_two
 from solvers.spec import JobSpec, PiecewiseMethod, Value, evaluate_constant
+from solvers.start.scaling import nearest_power_of_two
 
 Vector = NDArray[np.float64]
 

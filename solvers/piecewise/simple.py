@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from solvers.backends import NUMPY
-from solvers.dynamics import NodeScope
+from solvers.formulation.dynamics import NodeScope
 from solvers.models.computed import Whole
 from solvers.problem import OptimalControlProblem
 from solvers.symbolic import CASADI

@@ -15,15 +15,21 @@ from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
 from solvers.backends import NUMPY
-from solvers.boundary import End, boundary_violation
 from solvers.piecewise.pieces import Pieces
 from solvers.piecewise.plan import actuator_limits
 from solvers.piecewise.plant import Plant
 from solvers.problem import OptimalControlProblem
 from solvers.spec import PiecewiseMethod
 from solvers.trajectory import Trajectory
-from solvers.verification import Check, StateReport, Tolerances, Verification
-from solvers.violations import SMALLEST_SCALE, dense, largest_violation, scale_of, scaled_violation
+from solvers.verification.boundary import End, boundary_violation
+from solvers.verification.verdict import Check, StateReport, Tolerances, Verification
+from solvers.verification.violations import (
+    SMALLEST_SCALE,
+    dense,
+    largest_violation,
+    scale_of,
+    scaled_violation,
+)
 
 Vector = NDArray[np.float64]
 

@@ -18,18 +18,18 @@ from typing import Any, Generic, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from solvers.guess import Start
 from solvers.problem import OptimalControlProblem
 from solvers.refine.adaptive_optimality import suboptimality
 from solvers.refine.jumps import Jump, jumps_of
 from solvers.refine.residual import ArcErrors, arc_errors, flight_errors
-from solvers.scaling import Scaling
 from solvers.session import Solving
 from solvers.solved import Ended, Solved, Stand
+from solvers.start.guess import Start
+from solvers.start.scaling import Scaling
 from solvers.switching import is_switched
 from solvers.trajectory import Trajectory
 from solvers.transcription.base import Transcription
-from solvers.violations import SMALLEST_SCALE, scale_of
+from solvers.verification.violations import SMALLEST_SCALE, scale_of
 
 Vector = NDArray[np.float64]
 

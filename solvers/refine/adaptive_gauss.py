@@ -24,12 +24,12 @@ from numpy.polynomial.legendre import legvander
 from numpy.typing import NDArray
 
 from solvers.bases.legendre import legendre_gauss
-from solvers.guess import Start
 from solvers.problem import OptimalControlProblem
 from solvers.refine.adaptive import MeshLimit
 from solvers.refine.adaptive_splines import largest_inside
 from solvers.refine.jumps import Jump, first_moment, shorter
-from solvers.scaling import Scaling
+from solvers.start.guess import Start
+from solvers.start.scaling import Scaling
 from solvers.trajectory import Trajectory
 from solvers.transcription.gauss_pseudospectral import GaussPseudospectral
 

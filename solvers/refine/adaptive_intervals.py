@@ -15,13 +15,13 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from solvers.guess import Start
+from solvers.formulation.time_knots import LONGEST_MOMENT
 from solvers.problem import OptimalControlProblem
 from solvers.refine.adaptive import MeshLimit
 from solvers.refine.adaptive_splines import largest_inside
 from solvers.refine.jumps import Jump, first_moment, shorter
-from solvers.scaling import Scaling
-from solvers.time_knots import LONGEST_MOMENT
+from solvers.start.guess import Start
+from solvers.start.scaling import Scaling
 from solvers.trajectory import Trajectory
 from solvers.transcription.hermite_simpson import HermiteSimpson
 

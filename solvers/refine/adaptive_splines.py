@@ -14,12 +14,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from solvers.bases.graded import GradedKnots
-from solvers.guess import Start
 from solvers.problem import OptimalControlProblem
 from solvers.refine.adaptive import MeshLimit
 from solvers.refine.jumps import Jump
-from solvers.scaling import Scaling
 from solvers.spec.method_model import HIGHEST_LEVEL
+from solvers.start.guess import Start
+from solvers.start.scaling import Scaling
 from solvers.trajectory import Trajectory
 from solvers.transcription.spline_wavelet import SplineWavelet
 

@@ -18,7 +18,7 @@ from solvers.arrays.rates import Rates
 from solvers.curves import HermiteCurve, StepCurve
 from solvers.problem import OptimalControlProblem
 from solvers.trajectory import Trajectory
-from solvers.violations import SMALLEST_SCALE
+from solvers.verification.violations import SMALLEST_SCALE
 
 Vector = NDArray[np.float64]
 

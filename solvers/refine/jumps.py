@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from solvers.bases.legendre import composite_gauss
 from solvers.curves import Curve
+from solvers.formulation.quantities import Interval
 from solvers.problem import OptimalControlProblem
-from solvers.quantities import Interval
 from solvers.switching import SHORTEST_INTERIOR, inside, is_switched
 from solvers.trajectory import Trajectory
 

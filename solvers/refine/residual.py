@@ -23,8 +23,8 @@ from solvers.bases.legendre import (
 )
 from solvers.problem import OptimalControlProblem
 from solvers.trajectory import Trajectory
-from solvers.verify import MEANINGFUL_GROWTH
-from solvers.violations import dense, outside, scale_of
+from solvers.verification.verify import MEANINGFUL_GROWTH
+from solvers.verification.violations import dense, outside, scale_of
 
 Vector = NDArray[np.float64]
 

@@ -7,9 +7,9 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from solvers.formulation.quantities import Interval
 from solvers.limits import Limit
 from solvers.problem import OptimalControlProblem
-from solvers.quantities import Interval
 from solvers.refine.structure import Flags, Pieces, Structure
 from solvers.solved import Solved
 from solvers.trajectory import Trajectory

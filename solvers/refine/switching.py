@@ -15,11 +15,11 @@ from typing import Any, Generic
 
 import numpy as np
 
-from solvers.lifting import is_slack
+from solvers.formulation.lifting import is_slack
+from solvers.formulation.quantities import WHOLE_SPAN
 from solvers.limits import limits_of
 from solvers.part import Part
 from solvers.problem import OptimalControlProblem
-from solvers.quantities import WHOLE_SPAN
 from solvers.refine.arcs import DRIFT, Refined
 from solvers.refine.detection import find_structure
 from solvers.refine.residual import arc_errors
@@ -36,8 +36,8 @@ from solvers.refine.structure import Structure
 from solvers.session import Solving
 from solvers.solved import Ended, Stand
 from solvers.trajectory import Trajectory
-from solvers.verification import Check, Verification
-from solvers.violations import dense
+from solvers.verification.verdict import Check, Verification
+from solvers.verification.violations import dense
 
 # The objective may not get worse by more than the first part of itself, if the states of the first answer are
 # right to the second part of their scales.

@@ -5,8 +5,8 @@ from __future__ import annotations
 from itertools import pairwise
 from typing import Annotated, Any, Literal
 
-from solvers.data_table import DataTable
 from solvers.expressions import parse
+from solvers.formulation.data_table import DataTable
 from solvers.spec.base import SpecModel
 from solvers.spec.checks import check_constant
 from solvers.spec.faults import Flaws, Path, refuse

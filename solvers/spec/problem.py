@@ -7,7 +7,7 @@ from typing import Annotated
 
 from pydantic import Field
 
-from solvers.data_table import DataTable
+from solvers.formulation.data_table import DataTable
 from solvers.spec.attitude import TargetQuaternion
 from solvers.spec.base import SpecModel
 from solvers.spec.data import DataTableSpec

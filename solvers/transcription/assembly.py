@@ -14,10 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
 
-from solvers.guess import Start
+from solvers.formulation.quantities import Constraint, Interval
 from solvers.problem import OptimalControlProblem
-from solvers.quantities import Constraint, Interval
-from solvers.scaling import Scaling, magnitude
+from solvers.start.guess import Start
+from solvers.start.scaling import Scaling, magnitude
 from solvers.symbolic import CASADI
 from solvers.transcription.builder import Intervals, Numbers, Places, ProgramBuilder, fixed
 from solvers.transcription.nodes import Instants, NodeSymbols

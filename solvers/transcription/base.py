@@ -16,10 +16,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
 
+from solvers.formulation.quantities import Interval
 from solvers.problem import OptimalControlProblem
 from solvers.program import NonlinearProgram
-from solvers.quantities import Interval
-from solvers.scaling import magnitude
+from solvers.start.scaling import magnitude
 from solvers.symbolic import CASADI
 from solvers.trajectory import Trajectory
 from solvers.transcription.assembly import Assembly, columns

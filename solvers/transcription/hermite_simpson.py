@@ -31,7 +31,7 @@ from scipy import sparse
 from solvers.backends import NUMPY
 from solvers.coefficients import hermite
 from solvers.curves import Curve, HermiteCurve, QuadraticCurve
-from solvers.time_knots import LONGEST_MOMENT
+from solvers.formulation.time_knots import LONGEST_MOMENT
 from solvers.trajectory import Trajectory
 from solvers.transcription.base import Transcription, control_columns
 from solvers.transcription.builder import fixed

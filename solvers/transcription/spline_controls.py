@@ -9,7 +9,7 @@ from scipy.interpolate import BSpline
 
 from solvers.bases.banded import solve_banded_system
 from solvers.bases.legendre import composite_gauss
-from solvers.quantities import Interval
+from solvers.formulation.quantities import Interval
 
 Vector = NDArray[np.float64]
 

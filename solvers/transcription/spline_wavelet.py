@@ -39,7 +39,7 @@ from solvers.bases.legendre import composite_gauss
 from solvers.coefficients import spline_wavelet
 from solvers.costates import second_order_costates
 from solvers.curves import Curve, DerivativeCurve, LinearCurve, SplineCurve
-from solvers.quantities import Interval
+from solvers.formulation.quantities import Interval
 from solvers.symbolic import CASADI
 from solvers.trajectory import Trajectory
 from solvers.transcription.assembly import columns

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from scipy.io import loadmat
 
-from solvers.bundle import unpack
+from solvers.output.bundle import unpack
 from tests.problems import problem
 from worker.records import JobStatus
 

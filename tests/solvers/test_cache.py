@@ -15,11 +15,11 @@ from solvers.cache import STRUCTURES, StructureCache
 from solvers.optimizers.outcome import Limits
 from solvers.problem import OptimalControlProblem
 from solvers.progress import SilentProgress
-from solvers.scaling import automatic_scaling
 from solvers.session import Session
 from solvers.solution import Solution
 from solvers.solve import solve
 from solvers.spec import check_document
+from solvers.start.scaling import automatic_scaling
 from solvers.transcription.base import Transcription
 from solvers.transcription.gauss_pseudospectral import GaussPseudospectral
 from solvers.transcription.hermite_simpson import HermiteSimpson

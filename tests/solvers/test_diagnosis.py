@@ -10,16 +10,16 @@ import numpy as np
 import pytest
 
 from solvers.diagnosis import diagnose
-from solvers.first_answer import first_answers
+from solvers.formulation.scenarios import formulate
 from solvers.meshes import meshes_of
 from solvers.optimizers.outcome import Limits
 from solvers.progress import SilentProgress
-from solvers.scaling import automatic_scaling
-from solvers.scenarios import formulate
 from solvers.session import Session
 from solvers.solution import Solution
 from solvers.solve import solve
 from solvers.spec import check_document
+from solvers.start.first_answer import first_answers
+from solvers.start.scaling import automatic_scaling
 from solvers.status import SolveStatus
 
 Document = dict[str, Any]

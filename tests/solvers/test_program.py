@@ -13,8 +13,8 @@ from solvers.bases.graded import GradedKnots
 from solvers.derivatives import CompiledProgram, compile_program
 from solvers.problem import OptimalControlProblem
 from solvers.program import NonlinearProgram
-from solvers.scaling import automatic_scaling
 from solvers.spec import check_document
+from solvers.start.scaling import automatic_scaling
 from solvers.transcription.base import Transcription
 from solvers.transcription.daubechies_controls import DaubechiesControls
 from solvers.transcription.gauss_pseudospectral import GaussPseudospectral

@@ -17,7 +17,7 @@ from click.testing import CliRunner
 
 from app.cli import main
 from app.report import write_report
-from solvers.bundle import pack
+from solvers.output.bundle import pack
 from solvers.solve import solve
 from solvers.spec import check_document
 from tests.bad_documents import FLEXIBLE_SPACECRAFT

@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
 from solvers.catalogue import load_case
-from solvers.flight import FlightError
 from solvers.flights.fly import FlightsStopped
 from solvers.flights.run import run_flights
 from solvers.progress import ProgressReport
@@ -22,6 +21,7 @@ from solvers.solve import solve
 from solvers.spec import check_document
 from solvers.spec.flights import check_flights
 from solvers.status import SolveStatus
+from solvers.verification.flight import FlightError
 from tests.solvers.conftest import REGULATOR, RIGID_BODY
 
 Document = dict[str, Any]

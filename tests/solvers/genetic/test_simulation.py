@@ -22,8 +22,8 @@ from solvers.genetic.runge_kutta import RungeKuttaSimulator
 from solvers.genetic.simulators import simulator_of
 from solvers.genetic.stage import Stages
 from solvers.problem import OptimalControlProblem
-from solvers.scaling import automatic_scaling
 from solvers.spec import GeneticMethod, check_document
+from solvers.start.scaling import automatic_scaling
 
 
 def model_of(document: dict[str, Any]) -> ArrayModel:

@@ -13,13 +13,13 @@ import pytest
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
-from solvers.aftermath import asked_for
+from solvers.output.aftermath import asked_for
 from solvers.phases.solution import PhasedSolution
 from solvers.solve import solve
 from solvers.spec import check_document
 from tests.solvers.conftest import INTEGRATOR
+from tests.solvers.output.test_outputs import result_of
 from tests.solvers.phases.test_phases import BOUNCE, GPM, ROCKET, SLIDE_AND_ROLL
-from tests.solvers.test_outputs import result_of
 
 Vector = NDArray[np.float64]
 Rate = Callable[[float, Vector, float], Sequence[float]]

@@ -10,7 +10,7 @@ import pytest
 
 from solvers.catalogue import load_case
 from tests.solvers.conftest import REGULATOR, RIGID_BODY
-from tests.solvers.test_outputs import result_of
+from tests.solvers.output.test_outputs import result_of
 
 
 def cut(plain: dict[str, Any], *phases: dict[str, Any], **keys: Any) -> dict[str, Any]:

@@ -10,7 +10,7 @@ import pytest
 from solvers.sizes import problem_size
 from solvers.spec import check_document
 from tests.solvers.conftest import INTEGRATOR
-from tests.solvers.test_outputs import each_method, result_of
+from tests.solvers.output.test_outputs import each_method, result_of
 
 Document = dict[str, Any]
 

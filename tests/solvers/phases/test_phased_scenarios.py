@@ -10,7 +10,7 @@ import pytest
 from solvers.catalogue import load_case
 from solvers.sizes import problem_size
 from solvers.spec import check_document
-from tests.solvers.test_outputs import result_of
+from tests.solvers.output.test_outputs import result_of
 
 TWO_PHASES = [{"name": "first", "final_time": 0.7}, {"name": "second"}]
 

@@ -11,18 +11,18 @@ import pytest
 from scipy.integrate import quad
 from scipy.optimize import minimize_scalar
 
-from solvers.export import to_csv
+from solvers.output.export import to_csv
+from solvers.output.plot import render
+from solvers.output.sampling import resample
 from solvers.phases.reading import phased_problem
 from solvers.phases.trajectory import PhasedTrajectory, trajectory_of
 from solvers.phases.verify import verify_phases
-from solvers.plot import render
-from solvers.sampling import resample
 from solvers.sizes import problem_size
 from solvers.spec import check_document
-from solvers.verification import Tolerances
+from solvers.verification.verdict import Tolerances
 from tests.solvers.conftest import INTEGRATOR, OSCILLATOR, REGULATOR
-from tests.solvers.test_data_tables import disturbed, least_energy
-from tests.solvers.test_outputs import each_method, result_of
+from tests.solvers.formulation.test_data_tables import disturbed, least_energy
+from tests.solvers.output.test_outputs import each_method, result_of
 
 GPM = {"name": "gpm", "nodes": 24}
 

@@ -9,18 +9,18 @@ from typing import Any
 import numpy as np
 import pytest
 
-from solvers.earlier import starts_from
 from solvers.errors import DocumentError
 from solvers.part import Part
 from solvers.phases.reading import phased_problem
 from solvers.phases.trajectory import AnyTrajectory, trajectory_of
-from solvers.scaling import automatic_scaling
 from solvers.solve import solve
 from solvers.spec import check_document
+from solvers.start.earlier import starts_from
+from solvers.start.scaling import automatic_scaling
 from tests.solvers.conftest import REGULATOR, RIGID_BODY
+from tests.solvers.output.test_outputs import result_of
 from tests.solvers.phases.test_better_phases import cut
 from tests.solvers.phases.test_phases import ROCKET, SLIDE_AND_ROLL
-from tests.solvers.test_outputs import result_of
 
 Document = dict[str, Any]
 

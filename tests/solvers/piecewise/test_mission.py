@@ -16,9 +16,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from solvers.bundle import BundleError, pack, unpack
 from solvers.companion import CompanionError
-from solvers.export import to_csv
+from solvers.output.bundle import BundleError, pack, unpack
+from solvers.output.export import to_csv
+from solvers.output.plot import render
 from solvers.piecewise.messages import First
 from solvers.piecewise.mission import Mission, fly_mission
 from solvers.piecewise.plant import Plant
@@ -26,12 +27,11 @@ from solvers.piecewise.plant_flight import CompiledPlant
 from solvers.piecewise.predict import Predictor
 from solvers.piecewise.remote import LocalPredictor, RemotePredictor
 from solvers.piecewise.setup import Setup
-from solvers.plot import render
 from solvers.progress import ProgressReport, SilentProgress
-from solvers.replay import replay
 from solvers.solve import solve
 from solvers.spec import check_document
 from solvers.trajectory import Trajectory
+from solvers.verification.replay import replay
 from tests.solvers.piecewise.documents import CART, PENDULUM, changed
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from solvers.verification import Verification
+from solvers.verification.verdict import Verification
 
 _ROUNDING = 1e-10
 """Errors of states below this, relative, are those of the arithmetic and of the integration."""

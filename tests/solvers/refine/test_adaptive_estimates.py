@@ -25,8 +25,8 @@ from solvers.solve import solve
 from solvers.spec import check_document
 from solvers.switching import find_switching
 from solvers.trajectory import Trajectory
-from solvers.verification import Tolerances
-from solvers.verify import verify
+from solvers.verification.verdict import Tolerances
+from solvers.verification.verify import verify
 from tests.solvers.refine.estimates import assert_estimate_is_true
 
 CASES = [

@@ -9,14 +9,14 @@ import numpy as np
 import pytest
 
 from solvers.catalogue import load_case
-from solvers.flight import ControlledModel
-from solvers.prediction import predicted
 from solvers.progress import ProgressReport
 from solvers.solution import Solution
 from solvers.solve import solve
 from solvers.spec import check_document
+from solvers.start.prediction import predicted
 from solvers.status import SolveStatus
 from solvers.trajectory import Trajectory
+from solvers.verification.flight import ControlledModel
 from tests.solvers.refine.estimates import assert_estimate_is_true
 
 METHODS = ["swcm", "gpm", "hermite_simpson"]

@@ -18,11 +18,11 @@ from solvers.problem import OptimalControlProblem
 from solvers.progress import SilentProgress
 from solvers.refine.search import LOOKS, Search
 from solvers.refine.structure import Structure
-from solvers.scaling import automatic_scaling
 from solvers.session import Session
 from solvers.solution import Solution
 from solvers.solve import solve
 from solvers.spec import check_document
+from solvers.start.scaling import automatic_scaling
 from solvers.transcription.limit_rates import limit_rates
 from solvers.transcription.spline_wavelet import SplineWavelet
 

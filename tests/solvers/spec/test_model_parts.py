@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from solvers.dynamics import Dynamics
+from solvers.formulation.dynamics import Dynamics
 from solvers.spec import MechanicalModel, check_document
 from tests.solvers.spec.editing import FIRST_ORDER, FLEXIBLE_SPACECRAFT, LIBRARY, edited, faults_of
 

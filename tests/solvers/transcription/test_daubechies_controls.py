@@ -18,10 +18,10 @@ from solvers.coefficients import encode
 from solvers.optimizers.outcome import Limits
 from solvers.problem import OptimalControlProblem
 from solvers.progress import SilentProgress
-from solvers.scaling import automatic_scaling
 from solvers.session import Session
 from solvers.solved import Solved
 from solvers.spec import check_document
+from solvers.start.scaling import automatic_scaling
 from solvers.trajectory import Trajectory
 from solvers.transcription.daubechies_controls import DaubechiesControls
 

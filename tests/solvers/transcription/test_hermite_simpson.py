@@ -11,10 +11,10 @@ import pytest
 from solvers.optimizers.outcome import Limits
 from solvers.problem import OptimalControlProblem
 from solvers.progress import SilentProgress
-from solvers.scaling import automatic_scaling
 from solvers.session import Session
 from solvers.solved import Solved
 from solvers.spec import check_document
+from solvers.start.scaling import automatic_scaling
 from solvers.transcription.hermite_simpson import HermiteSimpson
 
 

@@ -16,8 +16,8 @@ from solvers.optimizers.ipopt import Ipopt
 from solvers.optimizers.outcome import Limits, Outcome
 from solvers.problem import OptimalControlProblem
 from solvers.program import NonlinearProgram
-from solvers.scaling import automatic_scaling
 from solvers.spec import check_document
+from solvers.start.scaling import automatic_scaling
 from solvers.transcription.spline_wavelet import SplineWavelet
 
 

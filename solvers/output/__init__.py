@@ -1,0 +1,1 @@
+"""What is made of an answer: tables, pictures, files, commands, a bundle."""

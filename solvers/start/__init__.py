@@ -1,0 +1,1 @@
+"""Where a solve begins: guesses, scales, first answers, several starts."""
