@@ -19,8 +19,8 @@ Ends = tuple[tuple[Interval, ...], tuple[Interval, ...]]
 WHOLE = np.array([0.0, 1.0])
 
 
-class Start(Protocol):
-    """Where a transcription starts: a guess, or the trajectory of an earlier solve on any mesh."""
+class Spanned(Protocol):
+    """What begins and ends."""
 
     @property
     def t0(self) -> float:
@@ -36,6 +36,10 @@ class Start(Protocol):
     def design(self) -> Mapping[str, float]:
         """Values of design parameters by name."""
         ...
+
+
+class Start(Spanned, Protocol):
+    """Where a transcription starts: a guess, or the trajectory of an earlier solve on any mesh."""
 
     def states_at(self, tau: Vector) -> Vector:
         """States at K instants of normalised time, (n, K)."""
@@ -46,23 +50,8 @@ class Start(Protocol):
         ...
 
 
-class Earlier(Protocol):
+class Earlier(Spanned, Protocol):
     """An earlier answer, or a piece of it."""
-
-    @property
-    def t0(self) -> float:
-        """Initial time."""
-        ...
-
-    @property
-    def tf(self) -> float:
-        """Final time."""
-        ...
-
-    @property
-    def design(self) -> Mapping[str, float]:
-        """Values of design parameters by name."""
-        ...
 
     def states_by_name(self, tau: Vector) -> Mapping[str, Vector]:
         """States at K instants of normalised time by name, (K,) each."""

@@ -9,6 +9,7 @@ import httpx
 import pytest
 
 from tests.acceptance.conftest import wait_until
+from worker.queue import JobQueue
 
 Document = dict[str, Any]
 
@@ -35,8 +36,10 @@ def final(api: httpx.Client, job_id: str) -> Document:
 
 
 @pytest.fixture
-def busy(service: httpx.Client, long_job: Document) -> Iterator[list[str]]:
-    """Two jobs that keep both slots of the worker busy until they are cancelled."""
+def busy(service: httpx.Client, long_job: Document, shared_queue: JobQueue) -> Iterator[list[str]]:
+    """Two jobs that keep both slots of the worker busy until they are cancelled; nothing else is queued."""
+    # Messages of jobs that were cancelled while they waited have their turns too.
+    wait_until(lambda: shared_queue.depth() == 0)
     ids = [submit(service, long_job) for _ in range(2)]
     for job_id in ids:
         wait_until(partial(runs, service, job_id))
