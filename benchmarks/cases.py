@@ -66,4 +66,4 @@ def main(names: list[str]) -> None:
 
 
 if __name__ == "__main__":
-    main(sys.argv[1:] if sys.argv[0].endswith("cases.py") else [])
+    main(sys.argv[1:])

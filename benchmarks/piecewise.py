@@ -274,5 +274,5 @@ TABLES = {
 }
 
 if __name__ == "__main__":
-    for table in (sys.argv[1:] if sys.argv[0].endswith("piecewise.py") else []) or TABLES:
+    for table in sys.argv[1:] or TABLES:
         TABLES[table]()

@@ -25,5 +25,7 @@ def bench(names: tuple[str, ...]) -> None:
             fail(f"no benchmark {name!r}; there are {', '.join(scripts)}.", ExitCode.BAD_INPUT)
     # Some share with the tests how a service is run.
     sys.path.insert(0, str(FOLDER.parent))
+    # Scripts take arguments of their own; what is said to this command is not among them.
+    del sys.argv[1:]
     for name in names or scripts:
         runpy.run_path(str(scripts[name]), run_name="__main__")

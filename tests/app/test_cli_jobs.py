@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import sys
 import time
 from pathlib import Path
 
@@ -149,3 +150,10 @@ def test_unknown_benchmarks_are_refused() -> None:
     answer = ondelette("bench", "nothing")
     assert answer.exit_code == 2
     assert len(answer.stderr.splitlines()) == 1
+
+
+def test_benchmarks_read_no_arguments_but_their_own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "cases.py").write_text("import sys\nprint(sys.argv[1:])\n")
+    monkeypatch.setattr(sys.modules["app.cli.bench"], "FOLDER", tmp_path)
+    monkeypatch.setattr(sys, "argv", ["ondelette", "bench", "cases"])
+    assert ondelette("bench", "cases").output == "[]\n"
