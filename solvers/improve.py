@@ -13,6 +13,7 @@ from solvers.diagnosis import Place, diagnose
 from solvers.meshes import adaptive_mesh_of, meshes_of
 from solvers.phases.trajectory import AnyTrajectory
 from solvers.refine.adaptive import Adapted, adapt
+from solvers.refine.arcs import Refined
 from solvers.refine.extremals import Extremal, other_extremals
 from solvers.refine.residual import mesh_error_estimate
 from solvers.refine.search import ACCEPTABLE
@@ -74,6 +75,11 @@ class Improved(Generic[Ended]):
     advice: str = ""
 
     @property
+    def refined(self) -> Refined[Ended] | None:
+        """The refined structure that the answer has; None if it has none."""
+        return None if self.refinement is None else self.refinement.refined
+
+    @property
     def summary(self) -> Mapping[str, Any]:
         """What was done, for the ``method`` of the result."""
         done: dict[str, Any] = {}
@@ -88,7 +94,7 @@ class Improved(Generic[Ended]):
     @property
     def warnings(self) -> Sequence[Mapping[str, str]]:
         """Why something that was asked for was not reached."""
-        if self.refinement is not None and self.refinement.refined is not None:
+        if self.refined is not None:
             return []
         found = [] if self.refinement is None else self.refinement.warnings
         reason = None if self.adapted is None else self.adapted.reason
@@ -106,8 +112,8 @@ class Improved(Generic[Ended]):
     @property
     def mesh_errors(self) -> list[float | None]:
         """The largest relative error of a state on an arc, by part; a refined answer was judged by it."""
-        if self.refinement is not None and self.refinement.refined is not None:
-            return [part.error for part in self.refinement.refined.parts]
+        if self.refined is not None:
+            return [part.error for part in self.refined.parts]
         return [
             mesh_error_estimate(part.transcription.problem, part.trajectory) for part in self.solved.parts
         ]
@@ -115,16 +121,16 @@ class Improved(Generic[Ended]):
     @property
     def switching(self) -> list[dict[str, Any]]:
         """The ``switching`` of the result, by part."""
-        if self.refinement is not None and self.refinement.refined is not None:
-            parts = self.refinement.refined.parts
+        if self.refined is not None:
+            parts = self.refined.parts
             return [part.structure.switching(part.problem, part.solved.trajectory) for part in parts]
         return [find_switching(part.transcription.problem, part.trajectory) for part in self.solved.parts]
 
     def certified(self, verification: Verification) -> Verification:
         """The verification with what else a refined answer, or one on an adapted mesh, must show."""
-        if self.refinement is not None and self.refinement.refined is not None:
-            return self.refinement.certified(verification)
-        if self.adapted is None or self.adaptivity is None:
+        if self.refinement is not None:
+            verification = self.refinement.certified(verification)
+        if self.refined is not None or self.adapted is None or self.adaptivity is None:
             return verification
         check = Check("mesh_error", self.adapted.error, _CERTAINLY_OFF * self.adaptivity.tolerance)
         return replace(verification, checks=(*verification.checks, check))
@@ -244,10 +250,9 @@ def other_structures(
 
     Raises whatever the progress of the session raises.
     """
-    refinement = improved.refinement
-    if refinement is None or refinement.refined is None or not count:
+    if improved.refined is None or not count:
         return improved, []
-    (refined,) = refinement.refined.parts
+    (refined,) = improved.refined.parts
     extremals = other_extremals(session, refined, count)
     better = next((item for item in extremals if item.obeys_signs), None)
     if better is not None and better.objective < improved.solved.objective:

@@ -4,6 +4,7 @@ Own tokenizer and Pratt parser; what is read is never handed to Python's ``eval`
 """
 
 from solvers.expressions.compose import (
+    applied,
     combined,
     named,
     operand_of,
@@ -44,6 +45,7 @@ __all__ = [
     "Code",
     "Expression",
     "ExpressionLimitError",
+    "applied",
     "combined",
     "did_you_mean",
     "named",

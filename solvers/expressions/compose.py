@@ -35,6 +35,17 @@ def product(*factors: Expression) -> Expression:
     return reduce(lambda left, right: combined("*", left, right), factors) if factors else parse(1)
 
 
+def applied(function: str, argument: Expression) -> Expression:
+    """Return ``function(argument)`` for a function of one argument."""
+    return Expression(
+        f"{function}({argument.text})",
+        argument.positions,
+        argument.operations + 1,
+        (*argument.program, (Code.CALL, function)),
+        argument.called,
+    )
+
+
 def positive_part(expression: Expression) -> Expression:
     """Return max(0, expression)."""
     return Expression(

@@ -55,5 +55,10 @@ def may_be_replaced(problem: OptimalControlProblem, name: str) -> bool:
     """
     index = problem.controls.index(name)
     bounded = np.isfinite([problem.initial_control[index], problem.final_control[index]]).any()
-    named = {f"{name}_0", f"{name}_f"} & problem.named_at_the_ends
-    return not bounded and not named and name not in {f"{control}_dot" for control in problem.rated}
+    is_rate = name in {f"{control}_dot" for control in problem.rated}
+    return not bounded and not is_rate and not is_named_at_the_ends(problem, name)
+
+
+def is_named_at_the_ends(problem: OptimalControlProblem, name: str) -> bool:
+    """Whether a boundary constraint or the terminal cost names a control."""
+    return not problem.named_at_the_ends.isdisjoint((f"{name}_0", f"{name}_f"))

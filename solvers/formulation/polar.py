@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import combinations
 from typing import Any
 
@@ -19,7 +20,7 @@ import numpy as np
 
 from solvers.backends import NUMPY
 from solvers.curves import Curve, at_the_same_nodes
-from solvers.expressions import Code, Expression, named, operand_of, part_of, product
+from solvers.expressions import Code, Expression, applied, named, operand_of, part_of, product
 from solvers.formulation.other_controls import NewControl, Piece, may_be_replaced, with_other_controls
 from solvers.formulation.quantities import FREE, WHOLE_SPAN, Constraint, Interval
 from solvers.problem import OptimalControlProblem
@@ -44,7 +45,7 @@ class Pair:
         """The curves of the two controls from those of the size and the angle, at the same nodes."""
         size, angle = controls[self.size], controls[self.angle]
         return {
-            name: _curve(size, angle, function)
+            name: at_the_same_nodes(size, angle, partial(_component, function))
             for name, function in zip(self.controls, (np.cos, np.sin), strict=True)
         }
 
@@ -79,7 +80,7 @@ def _replaced(problem: OptimalControlProblem, pair: Pair) -> OptimalControlProbl
     names, limits = pair.controls, _limits(problem, pair.controls)
     work = _Lengths(names, problem.parameters, limits[1], pair.size)
     components = {
-        name: product(named(pair.size), _called(function, named(pair.angle)))
+        name: product(named(pair.size), applied(function, named(pair.angle)))
         for name, function in zip(names, ("cos", "sin"), strict=True)
     }
     definitions = {
@@ -152,9 +153,7 @@ class _Lengths:
             if code == Code.CALL and payload == "sqrt":
                 start = operand_of(program[: index + 1])
                 beside = self._beside_squares(part_of(expression, start, index))
-                if beside is not None and np.sqrt(beside) <= _NEGLIGIBLE * min(
-                    self.longest, 1.0 / _NEGLIGIBLE
-                ):
+                if beside is not None and np.sqrt(beside) <= min(_NEGLIGIBLE * self.longest, 1.0):
                     found.append((start, index + 1))
         return found
 
@@ -197,15 +196,5 @@ class _Lengths:
         return float(zero) if zero >= 0.0 and np.allclose(beside, zero, rtol=0.0, atol=1e-12) else None
 
 
-def _called(function: str, argument: Expression) -> Expression:
-    return Expression(
-        f"{function}({argument.text})",
-        argument.positions,
-        argument.operations + 1,
-        (*argument.program, (Code.CALL, function)),
-        argument.called,
-    )
-
-
-def _curve(size: Curve, angle: Curve, function: Callable[[Any], Any]) -> Curve:
-    return at_the_same_nodes(size, angle, lambda own, turn: own * function(turn))
+def _component(function: Callable[[Any], Any], size: Any, angle: Any) -> Any:
+    return size * function(angle)

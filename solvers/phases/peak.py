@@ -13,7 +13,7 @@ from solvers.formulation.lifting import FLIGHT_PEAK, below_peak, lifted, peak_of
 from solvers.phases.problem import PhasedProblem
 from solvers.phases.trajectory import PhasedTrajectory
 from solvers.problem import OptimalControlProblem
-from solvers.verification.violations import dense
+from solvers.verification.violations import clipped, dense
 
 
 def flight_peak(plant: str = "") -> str:
@@ -63,7 +63,7 @@ def peak_along(flight: PhasedProblem, answer: PhasedTrajectory) -> float:
     for phase, part, peak in zip(flight.phases, answer.parts, peaks_of(flight), strict=True):
         if peak is not None:
             problem, tau = phase.plant.problem, dense(part.breakpoints)
-            controls = np.clip(part.controls_at(tau).T, *np.transpose(problem.control_bounds)).T
+            controls = clipped(part.controls_at(tau), problem.control_bounds)
             scope = problem.scope(
                 part.states_at(tau), controls, part.time(tau), problem.parameters_of(part), NUMPY
             )

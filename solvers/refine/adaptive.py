@@ -133,11 +133,11 @@ def adapt(
     asked, limits = session.tolerance, session.limits
     session.limits = replace(limits, deadline=min(limits.deadline, time.monotonic() + seconds))
     try:
-        last, last_meshes, best, reason = _refined(session, meshes, tolerance, first, begun)
+        last, best, reason = _refined(session, meshes, tolerance, first, begun)
     finally:
         session.tolerance, session.limits = asked, limits
     if best is None:
-        return Adapted(last, last_meshes, f"The adaptive mesh ended {last.outcome.status.value}.", None)
+        return Adapted(last, meshes, f"The adaptive mesh ended {last.outcome.status.value}.", None)
     if reason is None:
         return Adapted(best.solved, best.meshes, None, best.error)
     answer = best.solved
@@ -162,14 +162,14 @@ class _Best(Generic[Ended]):
 
 def _refined(
     session: Solving[Ended], meshes: Sequence[AdaptiveMesh], tolerance: float, solved: Ended, begun: float
-) -> tuple[Ended, Sequence[AdaptiveMesh], _Best[Ended] | None, str | None]:
-    """The last answer, its meshes, the best answer; why the last one is not good enough, None if it is."""
+) -> tuple[Ended, _Best[Ended] | None, str | None]:
+    """The last answer, the best one; why that is not good enough, None if it is."""
     asked = session.tolerance
     best: _Best[Ended] | None = None
     history: list[float] = []
     for round_ in range(_ROUNDS):
         if not solved.converged:
-            return solved, meshes, best, "it did not converge"
+            return solved, best, "it did not converge"
         started = time.perf_counter()
         assessed = _assess(session, solved, tolerance * _SAFETY)
         session.convergence[-1]["error_estimate"] = (
@@ -178,14 +178,14 @@ def _refined(
         if best is None or assessed.largest < best.error:
             best = _Best(assessed.largest, solved, meshes)
         if assessed.largest <= assessed.limit:
-            return solved, meshes, best, None
+            return solved, best, None
         history.append(assessed.largest)
         if len(history) > _PATIENCE and min(history[-_PATIENCE:]) > 0.5 * min(history[:-_PATIENCE]):
-            return solved, meshes, best, "refinement no longer helps"
+            return solved, best, "refinement no longer helps"
         try:
             finer = assessed.better(meshes, solved)
         except MeshLimit as limit:
-            return solved, meshes, best, str(limit)
+            return solved, best, str(limit)
         transcriptions = [
             mesh.transcription(part.problem, part.scaling, own.trajectory)
             for mesh, part, own in zip(finer, session.parts, solved.parts, strict=True)
@@ -195,7 +195,7 @@ def _refined(
         share = 1.0 - left, 1.0 - left * _SHARE_OF_REST
         session.tolerance = min(asked, _program_tolerance(session, finer, tolerance))
         solved, meshes = session.solve_parts(transcriptions, f"mesh {round_ + 2}", share, warm=True), finer
-    return solved, meshes, best, f"{_ROUNDS} meshes were not enough"
+    return solved, best, f"{_ROUNDS} meshes were not enough"
 
 
 def _program_tolerance(session: Solving[Any], meshes: Sequence[AdaptiveMesh], tolerance: float) -> float:

@@ -15,6 +15,7 @@ from solvers.backends import NUMPY
 from solvers.bases.legendre import composite_gauss
 from solvers.problem import OptimalControlProblem
 from solvers.trajectory import Trajectory
+from solvers.verification.violations import clipped
 
 Vector = NDArray[np.float64]
 
@@ -32,8 +33,7 @@ def suboptimality(problem: OptimalControlProblem, trajectory: Trajectory, costat
     tau, weights = composite_gauss(breaks, _POINTS)
     states, controls = trajectory.states_at(tau), trajectory.controls_at(tau)
     multipliers = np.array([np.interp(tau, trajectory.nodes, row) for row in costates])
-    limits = np.array(problem.control_bounds, np.float64).reshape(-1, 2)
-    flown = np.clip(controls, limits[:, :1], limits[:, 1:])
+    flown = clipped(controls, problem.control_bounds)
 
     def hamiltonian(u: Vector) -> Vector:
         scope = problem.scope(states, u, trajectory.time(tau), problem.parameters_of(trajectory), NUMPY)
@@ -45,7 +45,7 @@ def suboptimality(problem: OptimalControlProblem, trajectory: Trajectory, costat
     gap = np.zeros(tau.size)
     with np.errstate(all="ignore"):
         here = hamiltonian(flown)
-        for index, bounds in enumerate(limits):
+        for index, bounds in enumerate(problem.control_bounds):
             if np.isfinite(bounds).all():
                 tried = [flown.copy() for _ in bounds]
                 for control, bound in zip(tried, bounds, strict=True):

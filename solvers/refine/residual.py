@@ -24,7 +24,7 @@ from solvers.bases.legendre import (
 from solvers.problem import OptimalControlProblem
 from solvers.trajectory import Trajectory
 from solvers.verification.verify import MEANINGFUL_GROWTH
-from solvers.verification.violations import dense, outside, scale_of
+from solvers.verification.violations import clipped, dense, outside, scale_of
 
 Vector = NDArray[np.float64]
 
@@ -90,7 +90,7 @@ def _violations(problem: OptimalControlProblem, trajectory: Trajectory) -> tuple
     bounds, path = _outside(states, np.array(problem.state_bounds, np.float64)), np.zeros(tau.size)
     if controls.size:
         bounds = np.maximum(bounds, _outside(controls, limits))
-    flown = np.clip(controls, limits[:, :1], limits[:, 1:])
+    flown = clipped(controls, problem.control_bounds)
     scope = problem.scope(states, flown, trajectory.time(tau), problem.parameters_of(trajectory), NUMPY)
     for constraint in problem.path:
         values = np.broadcast_to(constraint.expression.evaluate(scope, NUMPY.functions), tau.size)
@@ -144,9 +144,8 @@ class _Gap:
     """f(x + d, u, t) - x' for drifts d (n, K) at K normalised times, with the control as flown."""
 
     def __init__(self, problem: OptimalControlProblem, trajectory: Trajectory, tau: Vector) -> None:
-        limits = _control_limits(problem)
         self._problem = problem
-        self._controls = np.clip(trajectory.controls_at(tau), limits[:, :1], limits[:, 1:])
+        self._controls = clipped(trajectory.controls_at(tau), problem.control_bounds)
         self._time = trajectory.time(tau)
         self._parameters = problem.parameters_of(trajectory)
         self._slopes = trajectory.rates_at(tau)

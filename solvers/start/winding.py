@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from solvers.backends import NUMPY
+from solvers.formulation.other_controls import is_named_at_the_ends
 from solvers.problem import OptimalControlProblem
 from solvers.trajectory import Trajectory
 
@@ -52,11 +53,10 @@ class Unwound:
 
     def controls_at(self, tau: Vector) -> Vector:
         """See :class:`solvers.start.guess.Start`."""
-        controls = self.answer.controls_at(tau)
+        nodes, controls = self.answer.nodes, self.answer.controls_at(tau)
+        values = self.answer.controls_at(nodes)
         for index, turns in self.turns.items():
-            nodes = self.answer.nodes
-            values = self.answer.controls_at(nodes)[index] + _TURN * turns
-            controls[index] = np.interp(tau, nodes, values)
+            controls[index] = np.interp(tau, nodes, values[index] + _TURN * turns)
         return controls
 
 
@@ -74,8 +74,7 @@ def unwound(problem: OptimalControlProblem, answer: Trajectory) -> Unwound | Non
 
 def _turns_back(problem: OptimalControlProblem, answer: Trajectory, controls: Vector, index: int) -> bool:
     """Whether a whole turn of a control changes nothing along the answer, nor at its ends."""
-    name = problem.controls[index]
-    if {f"{name}_0", f"{name}_f"} & problem.named_at_the_ends:
+    if is_named_at_the_ends(problem, problem.controls[index]):
         return False
     turned = controls.copy()
     turned[index] += _TURN

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from solvers.formulation.quantities import Interval
 from solvers.trajectory import Trajectory
+from solvers.verification.violations import clipped
 
 Vector = NDArray[np.float64]
 
@@ -33,8 +34,7 @@ class FlownControls:
 
     def clipped(self, tau: Vector) -> Vector:
         """Controls (m, len(tau)) as flown."""
-        controls = self.trajectory.controls_at(tau)
-        return np.clip(controls, self.bounds[:, :1], self.bounds[:, 1:])
+        return clipped(self.trajectory.controls_at(tau), self.bounds)
 
     def _crossings(self) -> Vector:
         """Where a control crosses a bound between breakpoints: the clipped control has a corner there."""

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from solvers.backends import NUMPY
-from solvers.formulation.quantities import Constraint
+from solvers.formulation.quantities import Constraint, Interval
 
 Vector = NDArray[np.float64]
 
@@ -26,6 +26,12 @@ def dense(breakpoints: Vector) -> Vector:
     """The breakpoints and equally spaced points between them."""
     fractions = np.arange(_SAMPLES_PER_ARC) / _SAMPLES_PER_ARC
     return np.append((breakpoints[:-1, None] + np.diff(breakpoints)[:, None] * fractions).ravel(), 1.0)
+
+
+def clipped(controls: Vector, bounds: Sequence[Interval] | Vector) -> Vector:
+    """Controls (m, K) as they are flown, clipped to their bounds (m)."""
+    limits = np.array(bounds, np.float64).reshape(-1, 2)
+    return np.asarray(np.clip(controls, limits[:, :1], limits[:, 1:]), np.float64)
 
 
 def scale_of(values: Vector) -> Vector:

@@ -154,6 +154,8 @@ def test_unknown_benchmarks_are_refused() -> None:
 
 def test_benchmarks_read_no_arguments_but_their_own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "cases.py").write_text("import sys\nprint(sys.argv[1:])\n")
+    # As an attribute of its package `bench` is the command.
     monkeypatch.setattr(sys.modules["app.cli.bench"], "FOLDER", tmp_path)
+    # pytest has arguments of its own: here are those of a call.
     monkeypatch.setattr(sys, "argv", ["ondelette", "bench", "cases"])
     assert ondelette("bench", "cases").output == "[]\n"
