@@ -61,9 +61,13 @@ def read(api: httpx.Client, job_id: str) -> Document:
 
 
 def solving(pair: tuple[Running, Running], api: httpx.Client, job_id: str) -> Running:
-    """Wait until a job runs; return the worker that is at it."""
-    wait_until(lambda: read(api, job_id)["status"] == "running")
-    (found,) = [worker for worker in pair if job_id in worker.log.read_text()]
+    """Wait until a job runs; return the worker that is at it, which says so when everybody knows."""
+
+    def at_it() -> list[Running]:
+        return [worker for worker in pair if job_id in worker.log.read_text()]
+
+    wait_until(lambda: read(api, job_id)["status"] == "running" and bool(at_it()))
+    (found,) = at_it()
     return found
 
 

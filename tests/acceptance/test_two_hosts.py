@@ -12,6 +12,7 @@ import sys
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
+from itertools import chain
 from pathlib import Path
 from urllib.parse import quote
 
@@ -82,11 +83,19 @@ class Hosts:
     logs: dict[str, Path]
 
     def solved(self, jobs: list[str]) -> dict[str, list[str]]:
-        """Which of some jobs the worker of each host says that it has solved."""
-        return {
-            name: [job for job in jobs if f"job {job}: succeeded" in log.read_text()]
-            for name, log in self.logs.items()
-        }
+        """Which of some jobs, all of them solved, the worker of each host says that it has solved.
+
+        It says so when the end of the job is already known to everybody.
+        """
+
+        def told() -> dict[str, list[str]]:
+            texts = {name: log.read_text() for name, log in self.logs.items()}
+            return {
+                name: [job for job in jobs if f"job {job}: succeeded" in text] for name, text in texts.items()
+            }
+
+        wait_until(lambda: set(jobs) <= set(chain(*told().values())))
+        return told()
 
 
 @pytest.fixture
