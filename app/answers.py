@@ -10,7 +10,7 @@ from app.errors import ServiceError
 from app.line import Line
 from solvers.phases.trajectory import AnyTrajectory
 from solvers.phases.trajectory import trajectory_of as read_trajectory
-from worker.records import JobRecord
+from worker.records import JobRecord, JobStatus
 from worker.store import JobStore
 
 
@@ -29,7 +29,8 @@ class Answers:
         record = self._store.get(job_id)
         if not record.status.final:
             raise self._not_ready(record)
-        raise ServiceError("no-result", f"The job {record.status} without any iterate, so it has no result.")
+        ended = "was cancelled" if record.status is JobStatus.CANCELLED else "failed"
+        raise ServiceError("no-result", f"The job {ended} without any iterate, so it has no result.")
 
     def ended(self, job_id: str) -> tuple[JobRecord, bytes | None]:
         """Return a job that has ended, and its result if it has one; raises ServiceError for any other.

@@ -9,6 +9,7 @@ its own machine only.
 from __future__ import annotations
 
 import hmac
+import math
 import re
 import time
 from dataclasses import dataclass, field
@@ -23,7 +24,7 @@ from starlette.types import Scope as AsgiScope
 
 from app.errors import REFUSED, ServiceError, problem_response, refusal_of
 from app.settings import Settings
-from worker.errors import JobGone, JobNotFound
+from worker.errors import JobGone, JobNotFound, takes_nothing
 from worker.keys import ApiKey, KeyStore, Scope, digest
 from worker.rates import PERIOD, Grant, RateLimiter
 from worker.records import DEFAULT_PROJECT
@@ -95,12 +96,6 @@ def missing_keys(settings: Settings, *, stored: bool = True) -> str | None:
     ``stored`` tells whether there is a server that may know keys. Raises RedisError where it does not answer.
     """
     if settings.bootstrap_key_file is not None:
-        try:
-            read_bootstrap_key(settings.bootstrap_key_file)
-        except OSError as error:
-            return f"ONDELETTE_BOOTSTRAP_KEY_FILE: {settings.bootstrap_key_file}: {error.strerror}"
-        except ValueError as error:
-            return f"ONDELETTE_BOOTSTRAP_KEY_FILE: {error}"
         return None
     if stored:
         with connect(settings) as redis:
@@ -111,6 +106,15 @@ def missing_keys(settings: Settings, *, stored: bool = True) -> str | None:
         "create, or name a file with one in ONDELETTE_BOOTSTRAP_KEY_FILE; or add --insecure if a firewall or "
         "a proxy stands before it"
     )
+
+
+@dataclass(slots=True)
+class Visit:
+    """What becomes of a request at the gate: it is let in where there is no ``refusal``."""
+
+    principal: Principal = OWNER
+    grant: Grant | None = None
+    refusal: Exception | None = None
 
 
 @dataclass(slots=True)
@@ -126,28 +130,37 @@ class Doorkeeper:
     _known: dict[str, tuple[float, ApiKey]] = field(default_factory=dict)
     _locked_until: tuple[float, bool] = (0.0, False)
 
-    def admit(self, token: str | None, method: str, path: str) -> tuple[Principal, Grant | None]:
-        """Return who asks, and what is left of his rate; raises ServiceError for what he may not."""
+    def admit(self, token: str | None, method: str, path: str) -> Visit:
+        """Return who asks, what is left of his rate, and why he may not, as far as each is known."""
+        visit = Visit()
+        try:
+            self._admit(visit, token, method, path)
+        except REFUSED as error:
+            visit.refusal = error
+        return visit
+
+    def _admit(self, visit: Visit, token: str | None, method: str, path: str) -> None:
         needed = needed_scope(method, path)
         if needed is None:
-            return OWNER, None
+            return
         try:
             if not self.locked():
-                return OWNER, None
+                return
         except RedisError:
             if not _STATELESS.fullmatch(path):
                 raise
             # Nobody's jobs are behind these, and no keys are asked for as far as is known.
-            return OWNER, None
-        principal = self._identify(token)
-        if not principal.may(needed):
+            return
+        visit.principal = self._identify(token)
+        visit.grant = self._count(visit.principal, needed)
+        if not visit.principal.may(needed):
             raise ServiceError("forbidden", f"This key has no scope {needed}.")
-        grant = self._count(principal, needed)
+        if visit.grant is not None and not visit.grant.granted:
+            raise _beyond_rate(visit.grant, needed)
         owned = _OWNED.match(path)
-        if owned is not None and self._owner(*owned.groups()) not in (None, principal.project):
+        if owned is not None and self._owner(*owned.groups()) not in (None, visit.principal.project):
             # As if there were none: nobody learns of the jobs of other projects.
             raise JobNotFound(owned[2])
-        return principal, grant
 
     def open(self, method: str, path: str) -> bool:
         """Tell whether a request may pass without the store being asked."""
@@ -193,12 +206,13 @@ class Doorkeeper:
         limit = self.settings.submit_rate if submits else self.settings.request_rate
         if not limit:
             return None
-        grant = self.rates.take(f"{'submit' if submits else 'request'}:{principal.key}", limit)
-        if not grant.granted:
-            detail = f"This key may make {limit:,} such requests a minute."
-            headers = {"Retry-After": str(max(1, round(grant.wait + 0.5))), **rate_headers(grant, needed)}
-            raise ServiceError("rate-limited", detail, headers=headers)
-        return grant
+        try:
+            return self.rates.take(f"{'submit' if submits else 'request'}:{principal.key}", limit)
+        except RedisError as error:
+            # That what is stored can be read, and room be made, matters more than how often.
+            if submits or not takes_nothing(error):
+                raise
+            return None
 
     def _owner(self, kind: str, its_id: str) -> str | None:
         """The project that something belongs to, None where there is nothing."""
@@ -231,26 +245,22 @@ class Gate:
             return
         method, path = scope["method"], scope["path"]
         token = _bearer(Headers(scope=scope).get("authorization"))
-        grant: Grant | None = None
-        try:
-            if self._doorkeeper.open(method, path):
-                scope["state"]["principal"] = OWNER
-            else:
-                scope["state"]["principal"], grant = await run_in_threadpool(
-                    self._doorkeeper.admit, token, method, path
-                )
-        except REFUSED as error:
-            refusal = problem_response(refusal_of(error), scope["state"]["request_id"])
-            await refusal(scope, receive, send)
-            return
+        if self._doorkeeper.open(method, path):
+            visit = Visit()
+        else:
+            visit = await run_in_threadpool(self._doorkeeper.admit, token, method, path)
+        scope["state"]["principal"] = visit.principal
 
         async def send_with_rate(message: Message) -> None:
-            if message["type"] == "http.response.start" and grant is not None:
+            if message["type"] == "http.response.start" and visit.grant is not None:
                 headers = MutableHeaders(scope=message)
-                headers.update(rate_headers(grant, needed_scope(method, path)))
+                headers.update(rate_headers(visit.grant, needed_scope(method, path)))
             await send(message)
 
-        await self._app(scope, receive, send_with_rate)
+        app: ASGIApp = self._app
+        if visit.refusal is not None:
+            app = problem_response(refusal_of(visit.refusal), scope["state"]["request_id"])
+        await app(scope, receive, send_with_rate)
 
 
 def _bearer(header: str | None) -> str | None:
@@ -258,6 +268,12 @@ def _bearer(header: str | None) -> str | None:
         return None
     scheme, _, token = header.partition(" ")
     return token.strip() if scheme.lower() == "bearer" and token.strip() else None
+
+
+def _beyond_rate(grant: Grant, needed: Scope) -> ServiceError:
+    asked = "submissions and validations" if needed is Scope.SUBMIT else "requests"
+    detail = f"This key may make {grant.limit:,} {asked} a minute, and has made them; see Retry-After."
+    return ServiceError("rate-limited", detail, headers={"Retry-After": str(math.ceil(grant.wait) or 1)})
 
 
 def _unauthorized(detail: str) -> ServiceError:

@@ -3,18 +3,31 @@
 from __future__ import annotations
 
 import json
+import logging
 from collections.abc import Mapping, Sequence
 from typing import Any
 
 from fastapi import FastAPI, Request, Response
 from fastapi.exceptions import RequestValidationError
+from redis import RedisError
 from redis import exceptions as redis_errors
 from starlette.exceptions import HTTPException
 
 from app.problems import PROBLEMS
 from solvers.errors import DocumentError, Fault, OndeletteError
 from worker.claims import KeyInFlight, KeyReused
-from worker.errors import JobActive, JobGone, JobNotFound, QueueUnavailable, ResultLost, ResultsUnavailable
+from worker.errors import (
+    JobActive,
+    JobGone,
+    JobNotFound,
+    QueueUnavailable,
+    ResultLost,
+    ResultsUnavailable,
+    reason_of,
+    takes_nothing,
+)
+
+logger = logging.getLogger(__name__)
 
 PROBLEM_JSON = "application/problem+json"
 MAX_FAULTS = 50
@@ -76,6 +89,9 @@ async def _handle(request: Request, error: Exception) -> Response:
 
 
 def _refusal(request: Request, error: Exception) -> ServiceError:
+    if isinstance(error, _SILENCE) and request.method == "POST":
+        # What was sent before the broker fell silent may be done by it.
+        return ServiceError("unavailable", f"{_AWAY} {_PERHAPS_TAKEN}", headers=refusal_of(error).headers)
     if isinstance(error, DocumentError):
         return _bad_document(error.faults)
     if isinstance(error, RequestValidationError):
@@ -86,17 +102,27 @@ def _refusal(request: Request, error: Exception) -> ServiceError:
 
 
 def refusal_of(error: Exception) -> ServiceError:
-    """Return what one of `REFUSED` means to whoever asks."""
+    """Return what one of `REFUSED` means to whoever asks; raises an error of the broker that is our own."""
     if isinstance(error, ServiceError):
         return error
-    return next(
-        ServiceError(name, detail, headers={"Retry-After": "5"} if name == "unavailable" else {})
-        for kind, (name, detail) in _TRANSLATIONS.items()
-        if isinstance(error, kind)
-    )
+    if isinstance(error, RedisError):
+        if not (isinstance(error, _SILENCE) or takes_nothing(error)):
+            raise error
+        # Whoever asks learns nothing of what is behind the service; its operator has to.
+        logger.warning("the broker: %s", reason_of(error))
+        name, detail = "unavailable", _AWAY if isinstance(error, _SILENCE) else _TAKES_NOTHING
+    else:
+        name, detail = next(words for kind, words in _TRANSLATIONS.items() if isinstance(error, kind))
+    return ServiceError(name, detail, headers=_RETRY_AFTER.get(name) or _RETRY_AFTER.get(type(error)))
 
 
-_AWAY = ("unavailable", "The broker does not answer or takes no more; nothing was accepted.")
+_SILENCE = (redis_errors.ConnectionError, redis_errors.TimeoutError)
+_AWAY = "The broker does not answer."
+_TAKES_NOTHING = "The broker takes nothing new: it is full, or cannot write; nothing was accepted."
+_PERHAPS_TAKEN = (
+    "A submission may have been taken all the same: send it again with the Idempotency-Key that it had, or "
+    "look for it in the list of jobs first."
+)
 
 _TRANSLATIONS: Mapping[type[Exception], tuple[str, str]] = {
     JobNotFound: ("not-found", "There is no job with this id, and no sweep."),
@@ -106,16 +132,16 @@ _TRANSLATIONS: Mapping[type[Exception], tuple[str, str]] = {
     JobActive: ("conflict", "The job is still active; cancel it first, or wait until it has ended."),
     KeyInFlight: ("conflict", "The first request with this Idempotency-Key is not answered yet; try again."),
     KeyReused: ("key-reused", PROBLEMS["key-reused"].explanation),
-    QueueUnavailable: _AWAY,
-    redis_errors.ConnectionError: _AWAY,
-    redis_errors.TimeoutError: _AWAY,
-    redis_errors.OutOfMemoryError: _AWAY,
-    redis_errors.ReadOnlyError: _AWAY,
+    QueueUnavailable: ("unavailable", f"{_AWAY} Nothing was accepted."),
+}
+_RETRY_AFTER: Mapping[str | type[Exception], Mapping[str, str]] = {
+    "unavailable": {"Retry-After": "5"},
+    KeyInFlight: {"Retry-After": "1"},
 }
 
 
-REFUSED: tuple[type[Exception], ...] = (ServiceError, *_TRANSLATIONS)
-"""Errors that are an answer, wherever they are raised."""
+REFUSED: tuple[type[Exception], ...] = (ServiceError, RedisError, *_TRANSLATIONS)
+"""Errors that are an answer, wherever they are raised (of a broker, those that it is to blame for)."""
 
 
 def _bad_document(faults: Sequence[Fault]) -> ServiceError:
@@ -133,10 +159,29 @@ def _bad_document(faults: Sequence[Fault]) -> ServiceError:
 def _bad_parameters(error: RequestValidationError) -> ServiceError:
     # Only where and what: the input itself is not sent back.
     listed = [
-        {"parameter": str(fault["loc"][-1]), "detail": str(fault["msg"])}
+        {"parameter": str(fault["loc"][-1]), "detail": _in_words(fault)}
         for fault in error.errors()[:MAX_FAULTS]
     ]
     return ServiceError("invalid-request", f"{listed[0]['parameter']}: {listed[0]['detail']}", errors=listed)
+
+
+_WORDS: Mapping[str, str] = {
+    "greater_than": "must be greater than {gt:g}",
+    "greater_than_equal": "must be at least {ge:g}",
+    "less_than_equal": "must be at most {le:,}, the limit",
+    "int_parsing": "must be a whole number",
+    "float_parsing": "must be a number",
+    "finite_number": "must be finite",
+    "bool_parsing": "must be 1 or 0, true or false",
+    "enum": "must be {expected}",
+    "literal_error": "must be {expected}",
+}
+
+
+def _in_words(fault: Mapping[str, Any]) -> str:
+    """What is wrong with a parameter, in the words that mistakes of documents have."""
+    words = _WORDS.get(fault["type"])
+    return str(fault["msg"]) if words is None else words.format(**fault.get("ctx", {}))
 
 
 def _of_framework(request: Request, error: HTTPException) -> ServiceError:

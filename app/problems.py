@@ -150,7 +150,8 @@ PROBLEMS: Mapping[str, Problem] = {
     "unavailable": Problem(
         503,
         "Unavailable",
-        "The broker or the place of results cannot be reached, or no worker is alive. Nothing was accepted; "
-        "try again after the time that Retry-After gives.",
+        "The broker or the place of results cannot be reached or takes nothing new, or no worker is alive; "
+        "detail says which. Try again after the time that Retry-After gives, a submission with the "
+        "Idempotency-Key that it had.",
     ),
 }

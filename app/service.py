@@ -148,15 +148,14 @@ class Service:
 
     def admit(self, project: str, count: int) -> None:
         """Refuse ``count`` more jobs where a project has its share of active ones or the queue is full."""
-        room = self.settings.project_jobs - count
-        active, waiting = self.store.burden(project, room + 1)
-        if active > room:
-            detail = (
-                f"{active:,} jobs of this project are active; at most {self.settings.project_jobs:,} may be."
-            )
+        most, room = self.settings.project_jobs, self.settings.queued_jobs
+        active, waiting = self.store.burden(project, most - count + 1)
+        more = "" if count == 1 else f", and these would be {count:,} more"
+        if active + count > most:
+            detail = f"{active:,} jobs of this project are active{more}; at most {most:,} may be."
             raise ServiceError("quota-exceeded", detail, headers={"Retry-After": "10"})
-        if waiting + count > self.settings.queued_jobs:
-            detail = f"{waiting:,} jobs wait; the queue takes {self.settings.queued_jobs:,}."
+        if waiting + count > room:
+            detail = f"{waiting:,} jobs wait{more}; the queue takes {room:,}."
             raise ServiceError("queue-full", detail, headers={"Retry-After": "30"})
 
     def check_webhook(self, spec: JobSpec) -> None:

@@ -2,7 +2,15 @@
 
 from __future__ import annotations
 
-from redis.exceptions import RedisError
+import re
+
+from redis.exceptions import (
+    ClusterDownError,
+    NoPermissionError,
+    OutOfMemoryError,
+    ReadOnlyError,
+    RedisError,
+)
 
 from solvers.errors import OndeletteError
 
@@ -37,3 +45,18 @@ class QueueUnavailable(OndeletteError):
 
 STORE_AWAY = (RedisError, ResultsUnavailable)
 """What is raised while that which remembers jobs, or their results, is away: it may come back."""
+
+_REFUSING = (OutOfMemoryError, ReadOnlyError, ClusterDownError, NoPermissionError)
+# As an older server has it from within a script, with words of its own before it.
+_REFUSALS = re.compile(r"(^|-)(MISCONF|NOREPLICAS|BUSY|OOM|READONLY)\b")
+
+
+def reason_of(error: RedisError) -> str:
+    """Return what the server said, without the command that a pipeline adds: it may hold a document."""
+    text = str(error)
+    return text.rpartition(" caused error: ")[2] if text.startswith("Command #") else text
+
+
+def takes_nothing(error: RedisError) -> bool:
+    """Tell whether a server answers, but takes nothing new: full, without a disk, a replica, not for us."""
+    return isinstance(error, _REFUSING) or _REFUSALS.search(reason_of(error)) is not None

@@ -23,6 +23,7 @@ from solvers.errors import OndeletteError
 from worker.settings import QueueSettings
 
 _KEY = re.compile(r"ond_([0-9a-f]{12})_[A-Za-z0-9_-]{43}")
+_PREFIX = "ond_"
 _PROJECT = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,63}")
 
 
@@ -55,7 +56,7 @@ class ApiKey:
     @property
     def prefix(self) -> str:
         """How the key begins, by which people recognise it."""
-        return f"ond_{self.id}"
+        return f"{_PREFIX}{self.id}"
 
     def valid(self, now: float) -> bool:
         """Tell whether the key opens anything."""
@@ -104,7 +105,8 @@ class KeyStore:
         return sorted(records, key=lambda record: record.created_at)
 
     def revoke(self, key_id: str) -> ApiKey:
-        """Take a key's effect away for good; raises KeyUnknown."""
+        """Take a key's effect away for good, by its id or its prefix; raises KeyUnknown."""
+        key_id = key_id.removeprefix(_PREFIX)
         stored = cast(bytes | None, self._redis.hget(self._keys, key_id))
         if stored is None:
             raise KeyUnknown(f"there is no key with the id {key_id!r}")

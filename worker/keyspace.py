@@ -23,6 +23,9 @@ from worker.scripts import caring, solving, submitting
 from worker.settings import QueueSettings
 
 _MEMORY = 30 * 86_400
+# A server without room refuses a script at its first write, if that takes some (`maxmemory` of Redis): this
+# one takes none, so that what makes room is done all the same.
+_EVEN_IF_FULL = "redis.call('ZREM', KEYS[5], '')\n"
 # Read once: it takes as long as three exchanges with the server.
 _VERSION = version("ondelette")
 
@@ -61,9 +64,9 @@ class Keyspace:
         self._reclaim = self._script(caring.RECLAIM)
         self._hand_back = self._script(solving.HAND_BACK)
         self._give_up = self._script(caring.GIVE_UP)
-        self._cancel = self._script(submitting.CANCEL)
+        self._cancel = self._script(_EVEN_IF_FULL + submitting.CANCEL)
         self._pin = self._script(submitting.PIN)
-        self._erase = self._script(submitting.ERASE)
+        self._erase = self._script(_EVEN_IF_FULL + submitting.ERASE)
         self._answer = self._script(submitting.ANSWER)
 
     def get(self, job_id: str) -> JobRecord:

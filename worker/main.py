@@ -8,6 +8,7 @@ import os
 import socket
 
 from worker import logs, traces
+from worker.blobs import Blobs
 from worker.settings import WorkerSettings
 
 
@@ -30,6 +31,9 @@ def run(
     traces.require()
     settings = WorkerSettings() if broker is None else WorkerSettings(broker=broker)
     slots = concurrency or os.cpu_count() or 1
+    if settings.results is not None:
+        # No job is to be solved by a worker that cannot store its answer (a volume that was not mounted).
+        Blobs(settings.results).probe()
 
     # Imported here, once, in the parent: the children are forked with everything loaded.
     from celery.signals import setup_logging, worker_process_init, worker_process_shutdown

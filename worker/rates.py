@@ -13,6 +13,8 @@ from worker.settings import QueueSettings
 _TAKE = """
 -- KEYS = bucket. ARGV = tokens that it holds, seconds in which it fills. Answers whether there was a token,
 -- how many are left, seconds until there is one (x 1000), seconds until it is full.
+-- A server without room refuses the first write of a script only if that takes some; a full one is read, too.
+redis.call('HDEL', KEYS[1], '')
 local time = redis.call('TIME')
 local now = tonumber(time[1]) + tonumber(time[2]) / 1e6
 local size, period = tonumber(ARGV[1]), tonumber(ARGV[2])

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from app.cli.common import ExitCode, fail, tables
+from app.cli.common import ExitCode, fail, one_line, tables
 
 
 @click.command(short_help="Verify the answer in a bundle again.")
@@ -21,7 +21,8 @@ def replay(bundle: Path) -> None:
     from solvers.verification.replay import replay as fly
 
     try:
-        found = fly(unpack(bundle.read_bytes()))
+        unpacked = unpack(bundle.read_bytes())
+        found, result = fly(unpacked), unpacked.result
     except BundleError as error:
         fail(f"{bundle}: {error}", ExitCode.BAD_INPUT)
     from rich.table import Table
@@ -40,3 +41,6 @@ def replay(bundle: Path) -> None:
         failed = [check.name for check in found.verification.checks if not check.passed]
         fail(f"the answer does not pass: {', '.join(failed)}", ExitCode.NOT_SOLVED)
     click.echo("verified: the flight is what the result says, and within its limits")
+    if result is not None and not result.get("success"):
+        words = f"but the solve was no success: {result.get('status')}: {result.get('message')}"
+        click.echo(one_line(words), err=True)

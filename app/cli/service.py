@@ -52,6 +52,24 @@ def protected(settings: S, host: str, insecure: bool) -> S:
     return settings.model_copy(update={"require_keys": True})
 
 
+def check_files(settings: Settings) -> None:
+    """End with 2 where a file that the settings name cannot be used: the API would not start."""
+    from app.auth import read_bootstrap_key
+    from app.webhooks import read_secrets
+
+    for name, file, read in (
+        ("BOOTSTRAP_KEY_FILE", settings.bootstrap_key_file, read_bootstrap_key),
+        ("WEBHOOK_SECRET_FILE", settings.webhook_secret_file, read_secrets),
+    ):
+        try:
+            if file is not None:
+                read(file)
+        except OSError as error:
+            fail(f"ONDELETTE_{name}: {file}: {error.strerror}", ExitCode.BAD_INPUT)
+        except ValueError as error:
+            fail(f"ONDELETTE_{name}: {error}", ExitCode.BAD_INPUT)
+
+
 def check_keys(settings: Settings, *, stored: bool = True) -> None:
     """End with 2 where keys are needed and there is none: nobody could enter, or anybody.
 
@@ -115,6 +133,7 @@ def serve(
     from worker.settings import WorkerSettings
 
     settings = protected(load(Settings, broker), host, insecure)
+    check_files(settings)
     load(WorkerSettings, broker)
     if settings.require_keys and (broker is not None or address_of(data) is None):
         # With the broker still in its folder it is asked as soon as it runs.
@@ -157,6 +176,7 @@ def api(host: str, port: int, broker: str | None, insecure: bool, fd: int | None
     from app.settings import Settings
 
     settings = protected(load(Settings, broker), host, insecure)
+    check_files(settings)
     if fd is None:
         if settings.require_keys:
             check_keys(settings)

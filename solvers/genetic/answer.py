@@ -8,23 +8,21 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from solvers.backends import NUMPY
 from solvers.coefficients.codec import with_middles
 from solvers.coefficients.daubechies import describe
 from solvers.curves import DaubechiesCurve, HermiteCurve
 from solvers.genetic.fitness import Fitness
 from solvers.genetic.model import ArrayModel
-from solvers.genetic.penalties import end_residuals, with_penalised_end
+from solvers.genetic.penalties import with_penalised_end
+from solvers.genetic.residual import scale_of
 from solvers.genetic.runge_kutta import RungeKuttaSimulator
 from solvers.genetic.search import Found
-from solvers.problem import OptimalControlProblem
 from solvers.session import Session
 from solvers.solved import Solved
 from solvers.spec import GeneticMethod
 from solvers.start.guess import Start
 from solvers.trajectory import Trajectory
 from solvers.transcription.daubechies_controls import DaubechiesControls
-from solvers.verification.violations import SMALLEST_SCALE
 
 Vector = NDArray[np.float64]
 
@@ -114,27 +112,3 @@ def polish(
     if solved.converged or solved.stopped:
         return solved
     return solved_from(problem.guess, warm=False)
-
-
-def scale_of(trajectory: Trajectory) -> float:
-    """The 2-norm of the largest magnitudes of the states."""
-    states = trajectory.states_at(trajectory.breakpoints)
-    return max(SMALLEST_SCALE, float(np.linalg.norm(np.abs(states).max(axis=1))))
-
-
-def end_error(
-    problem: OptimalControlProblem, trajectory: Trajectory, integrals: Mapping[str, float]
-) -> float:
-    """The 2-norm of the residuals of the end conditions; NaN where one has no value."""
-    edges = np.array([0.0, 1.0])
-    states, controls = trajectory.states_at(edges), trajectory.controls_at(edges)
-    scope = problem.ends_scope(
-        (states[:, 0], controls[:, 0], trajectory.t0),
-        (states[:, 1], controls[:, 1], trajectory.tf),
-        problem.parameters_of(trajectory),
-        NUMPY,
-        [integrals[item.name] for item in problem.integrals],
-    )
-    with np.errstate(all="ignore"):
-        values = [float(item.evaluate(scope, NUMPY.functions)) for item in end_residuals(problem)]
-    return float(np.linalg.norm(values))

@@ -16,9 +16,10 @@ from solvers.diagnosis import diagnose, sentence
 from solvers.formulation.elastic import place_in_document
 from solvers.formulation.plants import Plant
 from solvers.formulation.scenarios import Formulation
-from solvers.genetic.answer import Simulation, end_error, fly, polish, scale_of
+from solvers.genetic.answer import Simulation, fly, polish
 from solvers.genetic.islands import Islands
 from solvers.genetic.penalties import with_free_end
+from solvers.genetic.residual import end_error, residual_check
 from solvers.genetic.search import Search
 from solvers.genetic.stage import Stages
 from solvers.improve import Improved, first_methods, improve
@@ -37,7 +38,7 @@ from solvers.start.first_answer import first_answers
 from solvers.status import SolveStatus
 from solvers.switching import find_switching
 from solvers.trajectory import Trajectory
-from solvers.verification.verdict import Check, Verification
+from solvers.verification.verdict import Verification
 
 Vector = NDArray[np.float64]
 
@@ -239,10 +240,7 @@ def _certified(
 ) -> Verification:
     """The verification of the leading plant, with what is known of the whole; soft ends have a limit too."""
     if method.ends_are_soft:
-        limit = verification.tolerances.terminal_error
-        check = Check(
-            "residual", residual / scale_of(answer.trajectory) if np.isfinite(residual) else None, limit
-        )
+        check = residual_check(residual, answer.trajectory, verification.tolerances.terminal_error)
         verification = replace(verification, checks=(check, *verification.checks))
     if answer.improved is None or answer.costates is None:
         return verification

@@ -23,13 +23,16 @@ _README = """A job of ondelette. To verify its answer again, without a service:
 
     ondelette replay THIS_FILE.zip
 
-document.json  the job document as submitted
-options.json   the same with every default written out
-job.json       how the job went
-versions.json  the software that solved it
-result.json    the answer
-log.txt        what happened to the job, line by line
 """
+_CONTENTS = {
+    "document.json": "the job document as submitted",
+    "options.json": "the same with every default written out",
+    "job.json": "how the job went",
+    "versions.json": "the software that solved it",
+    "result.json": "the answer",
+    "log.txt": "what happened to the job, line by line",
+}
+_NO_ANSWER = "A job of ondelette that ended without an answer; there is nothing to verify.\n\n"
 
 
 class BundleError(OndeletteError):
@@ -49,7 +52,6 @@ def pack(
 ) -> bytes:
     """Return the archive of a job; ``log`` are lines without their ends."""
     parts: dict[str, bytes] = {
-        "README.txt": _README.encode(),
         "document.json": document,
         "job.json": _pretty(job),
         "log.txt": "".join(f"{line}\n" for line in log).encode(),
@@ -60,8 +62,11 @@ def pack(
             "versions.json": _pretty(result["provenance"]),
             "result.json": json.dumps(result, allow_nan=False, separators=(",", ":")).encode(),
         }
+    listed = "".join(f"{name:<13}  {words}\n" for name, words in _CONTENTS.items() if name in parts)
+    about = _README if result is not None else _NO_ANSWER
     buffer = io.BytesIO()
     with zipfile.ZipFile(buffer, "w", zipfile.ZIP_DEFLATED) as archive:
+        archive.writestr("README.txt", about + listed)
         for name, text in parts.items():
             archive.writestr(name, text)
     return buffer.getvalue()

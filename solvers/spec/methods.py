@@ -52,7 +52,7 @@ class SplineWaveletMethod(MethodModel):
     """The method."""
     L: Annotated[int, Count(5, MAX_NODES, "nodes")] = 8
     """Length of the coarsest grid in intervals; greater than 4."""
-    J: Annotated[int, Count(0, 16, "levels: more than 65,539 nodes")] = 4
+    J: Annotated[int, Count(0, 16, "levels (65,539 nodes)")] = 4
     """Resolution level: every level doubles the number of intervals."""
     adaptive: SplineAdaptivity | None = None
     """How the mesh is refined, from level J (at most max_level) on; null keeps it."""
@@ -109,7 +109,7 @@ class HermiteSimpsonMethod(MethodModel):
 
     name: Literal["hermite_simpson"]
     """The method."""
-    intervals: Annotated[int, Count(1, (MAX_NODES - 1) // 2, "intervals: more than 65,539 nodes")] = 60
+    intervals: Annotated[int, Count(1, (MAX_NODES - 1) // 2, "intervals (65,539 nodes)")] = 60
     """Number of intervals; each brings its end and its middle as points."""
     adaptive: Adaptivity | None = None
     """How intervals are refined; null keeps them."""

@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from solvers.formulation.scenarios import formulate
+from solvers.genetic.penalties import with_free_end
+from solvers.genetic.residual import end_error, residual_check
 from solvers.output.bundle import Bundle, BundleError
 from solvers.phases.reading import phased_problem
 from solvers.phases.trajectory import PhasedTrajectory, trajectory_of
 from solvers.phases.verify import verify_phases
 from solvers.piecewise.again import verify_again
-from solvers.spec import JobSpec, PiecewiseMethod, check_text
+from solvers.spec import GeneticMethod, JobSpec, PiecewiseMethod, check_text
 from solvers.trajectory import Trajectory
 from solvers.verification.verdict import Tolerances, Verification
 from solvers.verification.verify import verify
@@ -80,7 +83,14 @@ def replay(bundle: Bundle) -> Replay:
         found = _mission(spec, spec.method, bundle.result, trajectory, limits)
     else:
         problem = formulate(spec.problem).plants[0].problem
-        found = verify(problem, trajectory, limits, time.monotonic() + SECONDS)
+        soft = isinstance(spec.method, GeneticMethod) and spec.method.ends_are_soft
+        flown = with_free_end(problem) if soft else problem
+        found = verify(flown, trajectory, limits, time.monotonic() + SECONDS)
+        if soft:
+            integrals = {item.name: found.integrals.get(item.name, math.nan) for item in problem.integrals}
+            residual = end_error(problem, trajectory, integrals)
+            check = residual_check(residual, trajectory, limits.terminal_error)
+            found = replace(found, checks=(check, *found.checks))
     return Replay(found, stored, same)
 
 

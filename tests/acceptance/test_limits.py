@@ -25,8 +25,9 @@ def job_id(service: httpx.Client) -> str:
 @pytest.mark.parametrize(
     ("query", "parameter", "words"),
     [
-        ("samples=20002", "samples", "20001"),
-        ("samples=1", "samples", "2"),
+        ("samples=20002", "samples", "at most 20,001, the limit"),
+        ("samples=1", "samples", "at least 2"),
+        ("samples=a", "samples", "whole number"),
         ("dt=0.0001", "dt", "20,001"),
         ("dt=1e-300", "dt", "20,001"),
         ("dt=-1", "dt", "greater than 0"),

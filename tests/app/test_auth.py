@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import logging
 import re
+import tempfile
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -14,12 +16,14 @@ from redis import Redis
 from app.auth import needed_scope
 from app.main import create_app
 from app.settings import Settings
+from tests.acceptance.conftest import wait_until
 from tests.app.conftest import served
 from tests.problems import problem
+from tests.servers import DurableServer
 from worker.keys import KeyStore, Scope
 from worker.records import JobStatus
 from worker.settings import QueueSettings
-from worker.store import JobStore
+from worker.store import JobStore, connect
 
 JOB = "01a20748-a63b-7ec7-b324-a66bfbc20fd7"
 Document = dict[str, Any]
@@ -133,6 +137,7 @@ def test_every_scope_allows_its_own(client: httpx.Client, key: MakeKey, document
                 assert response.is_success, (scope, needed, response.text)
             else:
                 assert needed in problem(response, 403, "forbidden")["detail"]
+                assert "ratelimit" in response.headers
     problem(client.delete(f"/v1/jobs/{job['id']}", headers=key("read", "submit")), 403, "forbidden")
 
 
@@ -210,7 +215,10 @@ def test_a_page_holds_the_projects_own_jobs(client: httpx.Client, key: MakeKey, 
     assert {job["project"] for job in listed} == {"slews"}
 
 
-def test_rates(settings: Settings, key: MakeKey, document: Document) -> None:
+def test_rates(
+    settings: Settings, key: MakeKey, document: Document, caplog: pytest.LogCaptureFixture
+) -> None:
+    caplog.set_level(logging.INFO, "ondelette.access")
     limited = settings.model_copy(update={"submit_rate": 3, "request_rate": 5})
     mine, other = key(), key()
     with served(create_app(limited)) as client:
@@ -221,6 +229,9 @@ def test_rates(settings: Settings, key: MakeKey, document: Document) -> None:
         problem(answers[3], 429, "rate-limited")
         assert 1 <= int(answers[3].headers["retry-after"]) <= 21
         assert answers[3].headers["ratelimit"].startswith('"submit";r=0;')
+        # The operator sees who it is that asks too often.
+        assert caplog.records[-1].status == 429  # type: ignore[attr-defined]
+        assert caplog.records[-1].key in mine["Authorization"]  # type: ignore[attr-defined]
         # Reading has a bucket of its own, and so has everybody else.
         assert client.get("/v1/jobs", headers=mine).headers["ratelimit-policy"] == '"request";q=5;w=60'
         assert client.post("/v1/validate", json=document, headers=other).status_code == 200
@@ -240,7 +251,8 @@ def test_a_project_has_its_share(
         store.cancel(jobs[0])
         assert client.post("/v1/jobs", json=document, headers=mine).status_code == 202
         body = {"document": document, "grid": {"/problem/model/parameters/k": [90, 100, 110]}}
-        problem(client.post("/v1/sweeps", json=body, headers=other), 429, "quota-exceeded")
+        refused = problem(client.post("/v1/sweeps", json=body, headers=other), 429, "quota-exceeded")
+        assert "3 more" in refused["detail"]
 
 
 def test_a_full_queue(settings: Settings, document: Document) -> None:
@@ -287,3 +299,63 @@ def test_no_key_is_let_in_while_the_store_is_away() -> None:
         problem(client.get("/v1/jobs"), 503, "unavailable")
         assert client.get("/v1/models").status_code == 200
         assert client.get("/livez").status_code == 200
+
+
+@pytest.fixture
+def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[DurableServer]:
+    """A server of the test's own."""
+    # Not pytest's own directory: a socket's path may have about 100 characters at most.
+    with tempfile.TemporaryDirectory(prefix="ondelette-") as directory:
+        server = DurableServer(Path(directory), fsync="no")
+        server.start()
+        yield server
+        server.kill()
+
+
+def test_a_server_without_room_is_read_and_room_can_be_made(
+    server: DurableServer, document: Document, solved: bytes, caplog: pytest.LogCaptureFixture
+) -> None:
+    settings = Settings(broker=server.address, key_cache_seconds=0.0)
+    with connect(settings) as redis, served(create_app(settings)) as client:
+        headers = {"Authorization": f"Bearer {KeyStore(redis, settings).create('A', 'p', [Scope.ADMIN])[1]}"}
+        store = JobStore(redis, settings)
+        waiting, ended = (
+            client.post("/v1/jobs", json=document, headers=headers).json()["id"] for _ in range(2)
+        )
+        store.finish(ended, store.start(ended).owner, JobStatus.SUCCEEDED, result=solved)
+        redis.config_set("maxmemory", 1)
+        response = client.post("/v1/jobs", json=document, headers=headers)
+        assert "nothing was accepted" in problem(response, 503, "unavailable")["detail"]
+        assert int(response.headers["retry-after"]) > 0
+        for path in ("/v1/jobs", f"/v1/jobs/{ended}", f"/v1/jobs/{ended}/result"):
+            assert client.get(path, headers=headers).status_code == 200
+        cancelled = client.post(f"/v1/jobs/{waiting}/cancel", headers=headers)
+        assert cancelled.json()["status"] == "cancelled"
+        for job_id in (waiting, ended):
+            assert client.delete(f"/v1/jobs/{job_id}", headers=headers).status_code == 204
+            problem(client.get(f"/v1/jobs/{job_id}", headers=headers), 410, "gone")
+        redis.config_set("maxmemory", 0)
+        # A disk that cannot be written to: here where its file would be, there is a folder.
+        job_id = client.post("/v1/jobs", json=document, headers=headers).json()["id"]
+        (Path(redis.config_get("dir")["dir"]) / "dump.rdb" / "in the way").mkdir(parents=True)
+        redis.config_set("save", "3600 1")
+        redis.bgsave()
+        wait_until(lambda: redis.info("persistence")["rdb_last_bgsave_status"] == "err")
+        caplog.clear()
+        response = client.post("/v1/jobs", json=document, headers=headers)
+        assert "cannot write" in problem(response, 503, "unavailable")["detail"]
+        assert "MISCONF" in caplog.text
+        assert "inertia" not in caplog.text
+        assert client.get(f"/v1/jobs/{job_id}/spec", headers=headers).json() == document
+
+
+def test_a_submission_that_the_server_may_have_taken_is_not_said_to_be_lost(
+    server: DurableServer, document: Document
+) -> None:
+    with served(create_app(Settings(broker=server.address, key_cache_seconds=600.0))) as client:
+        assert client.get("/v1/jobs").status_code == 200
+        server.kill()
+        detail = problem(client.post("/v1/jobs", json=document), 503, "unavailable")["detail"]
+        assert "may have been taken" in detail
+        assert "Idempotency-Key" in detail
+        assert problem(client.get("/v1/jobs"), 503, "unavailable")["detail"] == "The broker does not answer."

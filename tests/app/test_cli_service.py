@@ -254,6 +254,39 @@ def test_an_address_that_is_none_is_refused(command: str, monkeypatch: pytest.Mo
     assert answer.stderr.startswith("ondelette: ONDELETTE_BROKER: ")
 
 
+@pytest.mark.parametrize("command", ["serve", "api"])
+@pytest.mark.parametrize(
+    ("name", "text", "words"),
+    [
+        ("ONDELETTE_BOOTSTRAP_KEY_FILE", "short", "must hold one word of at least 32"),
+        ("ONDELETTE_WEBHOOK_SECRET_FILE", "short", "a secret is whsec_"),
+        ("ONDELETTE_WEBHOOK_SECRET_FILE", None, "No such file or directory"),
+    ],
+)
+def test_a_file_that_cannot_be_used_is_told_before_anything_starts(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, command: str, name: str, text: str | None, words: str
+) -> None:
+    monkeypatch.setenv(name, str(tmp_path / "file"))
+    if text is not None:
+        (tmp_path / "file").write_text(text)
+    answer = CliRunner().invoke(main, [command, "--port", "0"])
+    assert answer.exit_code == 2
+    assert answer.stdout == ""
+    (line,) = answer.stderr.splitlines()
+    assert line.startswith(f"ondelette: {name}: ")
+    assert words in line
+
+
+def test_a_worker_that_could_not_store_an_answer_does_not_start(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("ONDELETTE_RESULTS", f"file://{tmp_path}/not-mounted")
+    command = [sys.executable, "-m", "app.cli", "worker", "--broker", "unix:///nowhere/at/all.sock"]
+    answer = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert answer.returncode == 3
+    assert f"ondelette: results at file://{tmp_path}/not-mounted cannot be reached" in answer.stderr
+
+
 def test_a_password_is_not_shown(tmp_path: Path) -> None:
     from app.embedded.service import _without_password
 

@@ -42,7 +42,7 @@ def test_what_is_no_key_opens_nothing(keys: KeyStore) -> None:
 def test_a_revoked_key_opens_nothing_and_is_remembered(keys: KeyStore) -> None:
     record, key = keys.create("Ada", "slews", [Scope.READ])
     revoked = keys.revoke(record.id)
-    assert keys.revoke(record.id).revoked_at == revoked.revoked_at
+    assert keys.revoke(record.prefix).revoked_at == revoked.revoked_at
     assert keys.find(key) is None
     assert [found.revoked_at is not None for found in keys.list()] == [True]
     assert keys.any()

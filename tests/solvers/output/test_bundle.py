@@ -48,6 +48,20 @@ def test_an_answer_is_confirmed(answer: dict[str, Any]) -> None:
         assert now == pytest.approx(then, abs=1e-9), name
 
 
+def test_penalised_ends_are_no_conditions_when_flown_again(answer: dict[str, Any]) -> None:
+    document = copy.deepcopy(FLEXIBLE_SPACECRAFT)
+    document["method"] = {"name": "ga", "population": 8, "generations": 3, "polish": False}
+    raw = json.dumps(document).encode()
+    result = solve(check_document(document)).result("a job")
+    assert result["residual"] > 0.01
+    found = replay(unpack(packed(result, raw)))
+    assert found.differing == []
+    stored = {check["name"]: check for check in result["verification"]["checks"]}
+    assert {check.name for check in found.verification.checks} == set(stored)
+    for check in found.verification.checks:
+        assert check.value == pytest.approx(stored[check.name]["value"], abs=1e-9), check.name
+
+
 def test_another_control_is_found_out(answer: dict[str, Any]) -> None:
     forged = copy.deepcopy(answer)
     control = forged["nodes"]["controls"]["T"]
@@ -89,6 +103,11 @@ def test_what_is_no_bundle(raw: bytes) -> None:
 def test_a_bundle_without_its_parts(answer: dict[str, Any]) -> None:
     with pytest.raises(BundleError, match="no result"):
         replay(unpack(packed(None)))
+    with zipfile.ZipFile(io.BytesIO(packed(None))) as archive:
+        about = archive.read("README.txt").decode()
+        assert [line.split()[0] for line in about.splitlines() if ".json" in line] == [
+            name for name in archive.namelist() if name.endswith(".json")
+        ]
     buffer = io.BytesIO()
     with zipfile.ZipFile(buffer, "w") as archive:
         archive.writestr("result.json", "{}")
