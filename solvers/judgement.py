@@ -6,9 +6,10 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 
 from solvers.errors import Fault
+from solvers.formulation.plants import Plant
 from solvers.problem import OptimalControlProblem
 from solvers.progress import ProgressReport
-from solvers.session import Account, Session
+from solvers.session import Account
 from solvers.solution import PlantAnswer
 from solvers.spec import AutoMethod, JobSpec
 from solvers.status import SolveStatus
@@ -35,15 +36,15 @@ _AUTOMATIC = {
 
 
 def verified(
-    session: Session,
-    spec: JobSpec,
-    trajectory: Trajectory,
-    status: SolveStatus,
-    problem: OptimalControlProblem | None = None,
+    account: Account, spec: JobSpec, trajectory: Trajectory, status: SolveStatus, plant: Plant
 ) -> Verification:
-    """Fly an answer that ended with ``status``; as an answer to ``problem``, by default the document's."""
-    flown = problem or session.problem
-    return flown_in_time(session, spec, status, lambda limits, end: verify(flown, trajectory, limits, end))
+    """Fly an answer that ended with ``status`` on a plant."""
+    return flown_in_time(
+        account,
+        spec,
+        status,
+        lambda limits, end: verify(plant.problem, trajectory, limits, end, implied=plant.implied),
+    )
 
 
 def flown_in_time(

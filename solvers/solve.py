@@ -76,7 +76,7 @@ def solve(
         PlantAnswer(
             plant,
             trajectory := plant.trajectory(solved.trajectory),
-            verified(session, spec, trajectory, solved.outcome.status, plant.problem),
+            verified(session, spec, trajectory, solved.outcome.status, plant),
         )
         for plant in formulation.plants
     ]

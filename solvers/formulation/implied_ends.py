@@ -2,8 +2,10 @@
 
 Plants that differ in stiffness alone turn alike as a whole: what brings one of them to rest takes the angular
 momentum of all to zero. Asked for exactly in every plant, such conditions are dependent but for terms of
-second order, and a discretisation contradicts itself. So those that follow to first order are held within a
-small part of what the verification allows; what is not controllable to first order gains nothing from that.
+second order, and a discretisation contradicts itself; what can be done at second order takes another command
+and far longer. So those that follow to first order are held and judged as loosely as on a fixed mesh, however
+exact all else is to be; what is not controllable to first order gains nothing from that. An end that must be
+closer is said as an interval, which is held as it is.
 
 What can be reached is the span of B, A B, A^2 B, ... of the linearisation at the end (Kalman), found by
 Arnoldi's process in scaled states.
@@ -27,8 +29,14 @@ _DEPENDENT = 1e-6
 _STEP = 1e-6
 # From rest to rest the fastest moment is twice as fast as the mean.
 _FASTEST = 2.0
-# Of what the verification allows.
+# What the verification allows at least, relative to scales, and the part of what it allows that is used.
+_LEAST = 1e-2
 _SHARE = 0.1
+
+
+def implied_limit(tolerance: float) -> float:
+    """The relative error of an implied final state that is allowed where ``tolerance`` is asked of others."""
+    return max(tolerance, _LEAST)
 
 
 def relaxed_ends(
@@ -61,7 +69,7 @@ def relaxed_ends(
             del held[best]
     ends = list(problem.final_state)
     for index in implied:
-        room = _SHARE * tolerance * scale[index]
+        room = _SHARE * implied_limit(tolerance) * scale[index]
         ends[index] = ends[index][0] - room, ends[index][1] + room
     return replace(problem, final_state=tuple(ends)), [problem.states[index] for index in implied]
 

@@ -30,13 +30,20 @@ class Plant:
     """One of the plants: its ``problem`` as if it were alone, and where its states are in an answer.
 
     ``names``: what is called otherwise in the problem of all plants -> its name there; ``made``: controls
-    that are made of others there.
+    that are made of others there; ``implied``: its final states that follow from others, with the relative
+    error that is allowed of them.
     """
 
     name: str
     problem: OptimalControlProblem
     names: Mapping[str, str] = field(default_factory=dict)
     made: tuple[Pair | TwoSides, ...] = ()
+    implied: Mapping[str, float] = field(default_factory=dict)
+
+    def with_implied(self, states: Collection[str], limit: float) -> Plant:
+        """The same, with those of its ``states`` of the problem of all plants that are implied."""
+        own = {name: limit for name in self.problem.states if self.names.get(name) in states}
+        return replace(self, implied=own)
 
     def trajectory(self, answer: Trajectory) -> Trajectory:
         """The part of an answer that is this plant's, under the plant's own names."""

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from solvers.expressions import named
-from solvers.formulation.implied_ends import relaxed_ends
+from solvers.formulation.implied_ends import implied_limit, relaxed_ends
 from solvers.formulation.lifting import corners, lifted, nonsmooth, with_peak
 from solvers.formulation.plant_objectives import (
     LEVEL,
@@ -54,7 +54,8 @@ def implied_warnings(states: Sequence[str]) -> list[dict[str, str]]:
         return []
     detail = (
         f"The ends of {', '.join(states)} follow from the other ends to first order; they are held"
-        " within a tenth of what the verification allows."
+        " as loosely as on a fixed mesh, and verification.states of each plant says how far off they are."
+        " Give a case its final_state as an interval where that is too far."
     )
     return [{"code": "implied_ends", "pointer": "/problem/scenarios", "detail": detail}]
 
@@ -76,7 +77,8 @@ def formulate(spec: ProblemSpec, tolerance: float = 0.0) -> Formulation:
     ]
     whole = _chosen(together(parts), parts, spec.scenarios.choice)
     problem, implied = relaxed_ends(whole, [part.problem.states for part in parts], tolerance)
-    return Formulation(lifted(problem), problem, tuple(part.plant for part in parts), tuple(implied))
+    plants = tuple(part.plant.with_implied(implied, implied_limit(tolerance)) for part in parts)
+    return Formulation(lifted(problem), problem, plants, tuple(implied))
 
 
 @dataclass(frozen=True)

@@ -231,8 +231,9 @@ def _flown(
     spec: JobSpec, session: Session, method: GeneticMethod, answer: _Answer, plant: Plant
 ) -> Verification:
     """The flight of a plant; ends that are soft are no conditions of it."""
-    flown = with_free_end(plant.problem) if method.ends_are_soft else plant.problem
-    return verified(session, spec, plant.trajectory(answer.trajectory), answer.status, flown)
+    if method.ends_are_soft:
+        plant = replace(plant, problem=with_free_end(plant.problem), implied={})
+    return verified(session, spec, plant.trajectory(answer.trajectory), answer.status, plant)
 
 
 def _certified(

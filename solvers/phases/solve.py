@@ -121,7 +121,7 @@ def _flown(session: PhasedSession, spec: JobSpec, solved: PhasedSolved, plant: F
         session,
         spec,
         solved.outcome.status,
-        lambda limits, end: verify_phases(plant.problem, answer, limits, end),
+        lambda limits, end: verify_phases(plant.problem, answer, limits, end, plant.parts[-1].implied),
     )
     return FlightAnswer(plant, answer, verification, _margins(plant.problem, answer, verification.parts))
 

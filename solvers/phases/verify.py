@@ -21,7 +21,7 @@ from solvers.phases.trajectory import PhasedTrajectory
 from solvers.trajectory import Trajectory
 from solvers.verification.boundary import End, Scales, boundary_violation
 from solvers.verification.verdict import Check, StateReport, Tolerances, Verification
-from solvers.verification.verify import verify
+from solvers.verification.verify import IMPLIED_ENDS, verify
 from solvers.verification.violations import dense, scale_of, scaled_violation
 
 Vector = NDArray[np.float64]
@@ -30,9 +30,15 @@ _LINK = "link"
 
 
 def verify_phases(
-    problem: PhasedProblem, answer: PhasedTrajectory, tolerances: Tolerances, deadline: float
+    problem: PhasedProblem,
+    answer: PhasedTrajectory,
+    tolerances: Tolerances,
+    deadline: float,
+    implied: Mapping[str, float] | None = None,
 ) -> Verification:
     """Fly every phase and the whole flight; see :func:`solvers.verification.verify.verify`.
+
+    ``implied``: of the end of the whole flight.
 
     The figures are the worst ones of all phases; besides, ``link`` compares the promised begin of each phase
     with what the link makes of the promised end before it.
@@ -42,7 +48,8 @@ def verify_phases(
         begin = None
         if index and parts[-1].end is not None:
             begin = _states_after(problem, answer, index, parts[-1].end)
-        parts.append(verify(phase.plant.problem, trajectory, tolerances, deadline, begin))
+        own = implied if index == len(answer.parts) - 1 else None
+        parts.append(verify(phase.plant.problem, trajectory, tolerances, deadline, begin, own))
     gaps = [_gap(problem, answer, index) for index in range(1, len(parts))]
     scope = flight_scope(problem, answer, parts)
     checks = [*_worst_checks(parts), Check(_LINK, max(gaps, default=0.0), tolerances.terminal_error)]
@@ -129,11 +136,15 @@ def _end(trajectory: Trajectory, tau: float, flown: Vector | None) -> tuple[Vect
 
 
 def _worst_checks(parts: Sequence[Verification]) -> Iterator[Check]:
-    """The worst of the checks of each name; that of the end of the flight if every phase has it."""
+    """The worst of the checks of each name; that of the end of the flight if every phase has it.
+
+    Ends that are implied are those of the last phase.
+    """
     for check in parts[0].checks:
         same = [own for part in parts for own in part.checks if own.name == check.name]
         if len(same) == len(parts):
             yield replace(check, value=_worst([own.value for own in same]))
+    yield from (check for check in parts[-1].checks if check.name == IMPLIED_ENDS)
 
 
 def _whole_flight(problem: PhasedProblem, answer: PhasedTrajectory, parts: Sequence[Verification]) -> float:

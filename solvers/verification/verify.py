@@ -26,21 +26,33 @@ Vector = NDArray[np.float64]
 # Beyond this growth, rounding alone would move the end by more than a millionth of its scale.
 MEANINGFUL_GROWTH = 1e8
 
+IMPLIED_ENDS = "implied_ends"
+"""The check of end conditions that are held less tightly than others."""
+
 
 @dataclass(frozen=True)
 class _Evidence:
     """What flying showed; None where it was not computed.
 
-    ``ends``: the final state as flown, or as promised where the flight says nothing; ``integrals``: that of
-    the running cost, then those of the document.
+    ``ends``: the final state as flown, or as promised where the flight says nothing; ``off_promise`` and
+    ``off_target``: how far the flown end is from the promised one and from the end conditions; ``integrals``:
+    that of the running cost, then those of the document.
     """
 
     arc_errors: Vector | None = None
     ends: Vector | None = None
-    misses: Vector | None = None
+    off_promise: Vector | None = None
+    off_target: Vector | None = None
     integrals: Vector | None = None
     growth: float | None = None
     note: str = ""
+
+    @property
+    def misses(self) -> Vector | None:
+        """How far the flown end is from where it should be, (n,)."""
+        if self.off_promise is None or self.off_target is None:
+            return None
+        return np.maximum(self.off_promise, self.off_target)
 
     @property
     def flight_counts(self) -> bool:
@@ -54,11 +66,14 @@ def verify(
     tolerances: Tolerances,
     deadline: float,
     begin: Vector | None = None,
+    implied: Mapping[str, float] | None = None,
 ) -> Verification:
     """Integrate the returned control, clipped to its bounds, and compare.
 
     ``deadline`` (of ``time.monotonic()``) bounds the effort: what is not computed by then is None, and fails.
-    ``begin`` (n,): the state from which the whole flight begins, by default the promised one.
+    ``begin`` (n,): the state from which the whole flight begins, by default the promised one; ``implied``:
+    final states that are held less tightly than others, and how far from their ends they may be, relative to
+    scales. They must come as close as others to where they were promised to be.
     """
     tau = dense(trajectory.breakpoints)
     states, controls = trajectory.states_at(tau), trajectory.controls_at(tau)
@@ -98,7 +113,7 @@ def verify(
         Check("ends", ends, tolerances.terminal_error),
     ]
     if evidence.flight_counts:
-        checks.insert(0, Check("terminal_error", terminal_error, tolerances.terminal_error))
+        checks[:0] = _end_checks(problem, evidence, scale, tolerances.terminal_error, implied or {})
     return Verification(
         terminal_error=terminal_error,
         max_state_error=state_error,
@@ -155,10 +170,34 @@ def _fly(
     except FlightError as error:
         return replace(evidence, note=f"The whole flight was not computed: {error}.")
     flown = flight.states[:, -1]
-    # Off the promise, or off the end condition itself.
-    off_target = outside(flown[:, None], np.array(problem.final_state)).max(axis=1)
-    misses = np.maximum(np.abs(flown - promised[:, -1]), off_target)
-    return replace(evidence, ends=flown, misses=misses, integrals=flight.integrals)
+    return replace(
+        evidence,
+        ends=flown,
+        off_promise=np.abs(flown - promised[:, -1]),
+        off_target=outside(flown[:, None], np.array(problem.final_state)).max(axis=1),
+        integrals=flight.integrals,
+    )
+
+
+def _end_checks(
+    problem: OptimalControlProblem,
+    evidence: _Evidence,
+    scale: Vector,
+    limit: float,
+    implied: Mapping[str, float],
+) -> list[Check]:
+    """What is asked of the end of the whole flight; of end conditions that are ``implied`` by themselves."""
+    if not implied:
+        return [Check("terminal_error", _scaled_maximum(evidence.misses, scale), limit)]
+    loose = np.array([name in implied for name in problem.states])
+    exact = far = None
+    if evidence.off_promise is not None and evidence.off_target is not None:
+        exact = np.maximum(evidence.off_promise, np.where(loose, 0.0, evidence.off_target))
+        far = np.where(loose, evidence.off_target, 0.0)
+    return [
+        Check("terminal_error", _scaled_maximum(exact, scale), limit),
+        Check(IMPLIED_ENDS, _scaled_maximum(far, scale), min(implied.values())),
+    ]
 
 
 def _integral_violation(problem: OptimalControlProblem, evidence: _Evidence) -> float:

@@ -119,6 +119,21 @@ def test_a_missed_target_is_found_though_the_flight_is_as_promised(problem: Opti
     assert failed(checked(moved, rest_to_rest(problem))) == {"terminal_error"}
 
 
+@pytest.mark.parametrize(("limit", "passes"), [(0.21, True), (0.19, False)])
+def test_an_implied_end_has_a_limit_of_its_own(
+    problem: OptimalControlProblem, limit: float, passes: bool
+) -> None:
+    """The flight to 1 is as promised; asked for is 1.2, which is 0.2 of the scale 1 away."""
+    missed = replace(problem, final_state=((1.2, 1.2), (0.0, 0.0)))
+    end = time.monotonic() + 60
+    found = verify(missed, rest_to_rest(problem), Tolerances(1e-6), end, implied={"x": limit})
+    assert failed(found) == (set() if passes else {"implied_ends"})
+    assert found.terminal_error == pytest.approx(0.2, abs=1e-9)
+    # Where it was promised to be it must be as exactly as any other.
+    promised = replace(rest_to_rest(problem), tf=2.02)
+    assert "terminal_error" in failed(verify(missed, promised, Tolerances(1e-6), end, implied={"x": 0.5}))
+
+
 def test_path_and_state_bounds_are_checked_between_nodes(rigid_body: dict[str, Any]) -> None:
     """The velocity reaches 1 in the middle only."""
     rigid_body["problem"]["bounds"]["x_dot"] = [None, 0.8]
