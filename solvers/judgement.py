@@ -55,13 +55,20 @@ def flown_in_time(
     account.progress.report(ProgressReport("verify", account.iterations, fraction=1.0))
     deadline = time.monotonic() + _SECONDS.get(status, _SECONDS_UNCONVERGED)
     verification = fly(Tolerances(**spec.verification_tolerances()), deadline)
-    # Of several plants the worst counts; none is known where one is not.
-    entry, error = account.convergence[-1], verification.max_state_error
-    first = "verify" not in account.seconds
-    known = error if first else entry["max_state_error"]
-    entry["max_state_error"] = None if error is None or known is None else max(error, known)
     account.seconds["verify"] = account.seconds.get("verify", 0.0) + time.perf_counter() - started
     return verification
+
+
+def note_errors(account: Account, flights: Sequence[Verification]) -> None:
+    """Take note of what the flights of all plants showed of the last mesh; None where one is not known."""
+    errors = [flight.max_state_error for flight in flights]
+    known = [error for error in errors if error is not None]
+    account.convergence[-1]["max_state_error"] = max(known) if len(known) == len(errors) else None
+
+
+def sentences_of(spec: JobSpec) -> Mapping[SolveStatus, str] | None:
+    """What the method says of a status in words of its own."""
+    return _AUTOMATIC if isinstance(spec.method, AutoMethod) else None
 
 
 def judge(
@@ -78,8 +85,8 @@ def judge(
     ``sentences`` stand for those of the status where a method has its own; ``others``: what further plants
     under the same command did.
     """
-    if sentences is None and isinstance(spec.method, AutoMethod):
-        sentences = _AUTOMATIC
+    if sentences is None:
+        sentences = sentences_of(spec)
     flights = [("", verification), *((f"{other.plant.name}: ", other.verification) for other in others)]
     return judged(
         status,

@@ -9,11 +9,12 @@ from dataclasses import replace
 from solvers.diagnosis import sentence
 from solvers.errors import DocumentError, Fault
 from solvers.formulation.elastic import place_in_document
-from solvers.formulation.scenarios import formulate
+from solvers.formulation.scenarios import Formulation, formulate
 from solvers.formulation.time_knots import tables_that_end
 from solvers.genetic.solve import solve_by_genes
-from solvers.improve import other_structures, reach
-from solvers.judgement import judge, verified
+from solvers.improve import other_structures
+from solvers.improved import Improved
+from solvers.judgement import judge, note_errors, verified
 from solvers.model_report import model_report
 from solvers.optimizers.outcome import Limits
 from solvers.output.report import constraint_margins
@@ -23,9 +24,11 @@ from solvers.phases.trajectory import AnyTrajectory
 from solvers.piecewise.solve import solve_piecewise
 from solvers.problem import OptimalControlProblem
 from solvers.progress import Progress, SilentProgress
+from solvers.reach import reach, shortfall
 from solvers.sensitivity import sensitivity
 from solvers.session import Session, start_report, statistics_of
 from solvers.solution import PlantAnswer, Solution
+from solvers.solved import Solved
 from solvers.spec import GeneticMethod, JobSpec, PiecewiseMethod
 from solvers.start.earlier import other_phases
 from solvers.start.scaling import automatic_scaling
@@ -68,26 +71,18 @@ def solve(
     def place(_: int, pointer: str) -> str:
         return place_in_document(spec.problem, pointer)
 
-    reached = reach(session, spec, earlier, place)
+    def fly(improved: Improved[Solved]) -> list[PlantAnswer]:
+        return _flown(session, spec, formulation, improved)
+
+    reached = reach(session, spec, earlier, place, fly)
     answers, method, diagnosis = reached.answers, reached.method, reached.diagnosis
     improved, extremals = other_structures(session, reached.improved, spec.options.starts - 1)
+    plants = reached.flights if improved is reached.improved else fly(improved)
+    if shortfall(plants) > 1.0 >= shortfall(reached.flights):
+        improved, plants = reached.improved, reached.flights
+    note_errors(session, [own.verification for own in plants])
     solved = improved.solved
-    plants = [
-        PlantAnswer(
-            plant,
-            trajectory := plant.trajectory(solved.trajectory),
-            verified(session, spec, trajectory, solved.outcome.status, plant),
-        )
-        for plant in formulation.plants
-    ]
-    leading, trajectory = formulation.plants[0], plants[0].trajectory
-    verification = replace(
-        plants[0].verification,
-        hamiltonian_drift=solved.hamiltonian_drift,
-        mesh_error_estimate=improved.mesh_errors[0],
-    )
-    verification = improved.certified(verification)
-    plants[0] = replace(plants[0], verification=verification)
+    leading, trajectory, verification = plants[0].plant, plants[0].trajectory, plants[0].verification
     status, message = judge(
         spec, leading.problem, trajectory, solved.outcome.status, verification, others=plants[1:]
     )
@@ -128,6 +123,28 @@ def solve(
     )
     session.seconds["total"] = time.perf_counter() - started
     return solution
+
+
+def _flown(
+    session: Session, spec: JobSpec, formulation: Formulation, improved: Improved[Solved]
+) -> list[PlantAnswer]:
+    """An answer flown on every plant, with what else is known of it said of the leading one."""
+    solved = improved.solved
+    plants = [
+        PlantAnswer(
+            plant,
+            trajectory := plant.trajectory(solved.trajectory),
+            verified(session, spec, trajectory, solved.outcome.status, plant),
+        )
+        for plant in formulation.plants
+    ]
+    verification = replace(
+        plants[0].verification,
+        hamiltonian_drift=solved.hamiltonian_drift,
+        mesh_error_estimate=improved.mesh_errors[0],
+    )
+    plants[0] = replace(plants[0], verification=improved.certified(verification))
+    return plants
 
 
 def _session(spec: JobSpec, problem: OptimalControlProblem, progress: Progress, seconds: float) -> Session:

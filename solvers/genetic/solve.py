@@ -22,8 +22,9 @@ from solvers.genetic.penalties import with_free_end
 from solvers.genetic.residual import end_error, residual_check
 from solvers.genetic.search import Search
 from solvers.genetic.stage import Stages
-from solvers.improve import Improved, first_methods, improve
-from solvers.judgement import judge, verified
+from solvers.improve import first_methods, improvements
+from solvers.improved import Improved
+from solvers.judgement import judge, note_errors, verified
 from solvers.meshes import meshes_of
 from solvers.model_report import model_report
 from solvers.output.report import constraint_margins
@@ -105,6 +106,7 @@ def solve_by_genes(
     leading, trajectory = formulation.plants[0], plants[0].trajectory
     verification = _certified(session, method, answer, plants[0].verification, residual)
     plants[0] = replace(plants[0], verification=verification)
+    note_errors(session, [own.verification for own in plants])
     sentences = _SENTENCES if method.ends_are_soft else {}
     status, message = judge(
         spec, leading.problem, trajectory, answer.status, verification, sentences, others=plants[1:]
@@ -211,7 +213,7 @@ def _finished(
         auto = AutoMethod(name="auto")
         used = first_methods(auto)[0]
         first = first_answers(session, meshes_of(used), 1, answer.trajectory, _POLISHED)[0]
-        answer = _reached(improve(session, auto, used, first, _POLISHED))
+        answer = _reached(next(improvements(session, auto, used, first, _POLISHED)))
     return answer
 
 

@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 from solvers.diagnosis import sentence
 from solvers.errors import Fault
 from solvers.formulation.time_knots import tables_that_end
-from solvers.improve import Improved, reach
-from solvers.judgement import flown_in_time, judged
+from solvers.improved import Improved
+from solvers.judgement import flown_in_time, judged, note_errors, sentences_of
 from solvers.model_report import model_report
 from solvers.optimizers.outcome import Limits
 from solvers.output.report import constraint_margins, margins_of, merged_margins, said_of_the_ends
@@ -27,6 +27,7 @@ from solvers.phases.switching import joined_switching
 from solvers.phases.trajectory import AnyTrajectory, PhasedTrajectory
 from solvers.phases.verify import flight_scope, totals, verify_phases
 from solvers.progress import Progress
+from solvers.reach import reach
 from solvers.sensitivity import Place, numbers_of, slopes
 from solvers.session import start_report, statistics_of
 from solvers.spec import JobSpec, ProblemSpec, Value
@@ -53,16 +54,24 @@ def solve_phases(
         progress=progress,
     )
     session.seconds["build"] = time.perf_counter() - started
-    reached = reach(session, spec, earlier, formulation.problem.place)
+
+    def fly(improved: Improved[PhasedSolved]) -> list[FlightAnswer]:
+        plants = [_flown(session, spec, improved.solved, plant) for plant in formulation.plants]
+        plants[0] = replace(plants[0], verification=_certified(improved, plants[0].verification))
+        return plants
+
+    reached = reach(session, spec, earlier, formulation.problem.place, fly)
     improved, answers, diagnosis = reached.improved, reached.answers, reached.diagnosis
-    solved = improved.solved
-    plants = [_flown(session, spec, solved, plant) for plant in formulation.plants]
-    leading, problem, answer = formulation.plants[0], plants[0].plant.problem, plants[0].trajectory
-    verification = _certified(improved, plants[0].verification)
-    plants[0] = replace(plants[0], verification=verification)
+    solved, plants = improved.solved, reached.flights
+    note_errors(session, [own.verification for own in plants])
+    leading, problem, answer = plants[0].plant, plants[0].plant.problem, plants[0].trajectory
+    verification = plants[0].verification
     flights = [("" if own is plants[0] else f"{own.plant.name}: ", own.verification) for own in plants]
     status, message = judged(
-        solved.outcome.status, flights, lambda where: _evaluation_fault(problem, answer, where)
+        solved.outcome.status,
+        flights,
+        lambda where: _evaluation_fault(problem, answer, where),
+        sentences_of(spec),
     )
     integrals = [
         plant.integrals(

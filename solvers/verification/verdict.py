@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -36,6 +37,13 @@ class Check:
     def passed(self) -> bool:
         """Whether the value is within the limit."""
         return self.value is not None and self.value <= self.limit
+
+    @property
+    def shortfall(self) -> float:
+        """How many times its limit the value is; infinite where it was not computed."""
+        if self.value is None or self.limit == 0.0:
+            return 0.0 if self.passed else math.inf
+        return self.value / self.limit
 
 
 @dataclass(frozen=True)
@@ -74,6 +82,11 @@ class Verification:
     def passed(self) -> bool:
         """Whether every check passed."""
         return all(check.passed for check in self.checks)
+
+    @property
+    def shortfall(self) -> float:
+        """That of the worst check: at most 1 where every check passed."""
+        return max(check.shortfall for check in self.checks)
 
     def to_dict(self) -> dict[str, Any]:
         """The ``verification`` of a result."""
