@@ -27,13 +27,15 @@ def hamiltonian_drift(
 ) -> float | None:
     """How far H wanders from its median, relative to the largest sum of magnitudes of its terms.
 
-    None where the problem names the time: H then has a reason to wander.
+    None where the problem names the time: H then has a reason to wander; and where H has no value.
     """
     if not problem.autonomous:
         return None
     terms = _terms(problem, trajectory, trajectory.controls_at(trajectory.nodes), costates)
     values, magnitude = terms.sum(axis=0), np.abs(terms).sum(axis=0).max()
     wander = np.max(np.abs(values - np.median(values)))
+    if not np.isfinite(magnitude):
+        return None
     return float(wander / magnitude) if magnitude > 0.0 else 0.0
 
 

@@ -121,8 +121,7 @@ def judged(
         details.append(f"{near.pointer}: {near.detail}.")
     for label, flight in flights:
         if status is SolveStatus.UNVERIFIED:
-            failed = [check for check in flight.checks if not check.passed]
-            details += [f"{label}{check.name} is {check.value}, the limit {check.limit}." for check in failed]
+            details += [f"{label}{check.sentence}" for check in flight.checks if not check.passed]
         if flight.note:
             details.append(f"{label}{flight.note}")
     return status, " ".join(details)

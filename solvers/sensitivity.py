@@ -14,16 +14,17 @@ solved again.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from typing import Any, Protocol, Self
+from typing import Any, NamedTuple, Protocol, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
 from solvers.errors import pointer
-from solvers.formulation.scenarios import formulate
+from solvers.expressions import parse
+from solvers.formulation.scenarios import cases_of
 from solvers.optimizers.outcome import Outcome
 from solvers.program import NonlinearProgram
-from solvers.solved import Solved
+from solvers.solved import Stand
 from solvers.spec import BoundValue, PhaseSpec, ProblemSpec, Value, evaluate_constant
 
 Vector = NDArray[np.float64]
@@ -35,6 +36,15 @@ _STEP = 1e-5
 _TIMES = ("initial_time", "final_time")
 _TABLES = ("initial_state", "final_state", "bounds", "control_rates", "initial_control", "final_control")
 _LISTS = ("path_constraints", "boundary_constraints", "integrals")
+_OF_CASES = ("initial_state", "final_state", "bounds")
+
+
+class Varied(NamedTuple):
+    """A number of a problem: its place, how it is written, the parameters in which that is an expression."""
+
+    place: Place
+    value: Value
+    parameters: Mapping[str, float]
 
 
 class Differentiable(Protocol):
@@ -54,33 +64,40 @@ class Differentiable(Protocol):
         ...
 
 
-def sensitivity(spec: ProblemSpec, solved: Solved) -> dict[str, float | None]:
-    """dJ*/dy by JSON pointer for every parameter of the model and every bound and end of a converged answer.
+def sensitivity(
+    spec: ProblemSpec,
+    solved: Stand[Any, Any],
+    varied: Iterable[Varied],
+    problem_of: Callable[[ProblemSpec], Any],
+) -> dict[str, float | None]:
+    """dJ*/dy by JSON pointer for every number that is ``varied`` of a converged answer.
 
     A bound is one number or a side of an interval; None where the derivative is no finite number. What is
     optimised itself, and parameters that follow from that, have none. Nor has a parameter that a data table
-    names, for the table's numbers are built into the program.
+    names, for the table's numbers are built into the program, or what is written in parameters that differ
+    between plants: that is not one number. ``problem_of``: what is solved for a document's problem.
     """
-    parameters = solved.transcription.problem.parameters
+    varied = [*varied]
     built_in = {name for table in spec.tables().values() for name in table.names}
-    places = [*numbers_of(spec, parameters)]
-    fixed = [place for place, _ in places if place[0] == "model" and place[-1] in built_in]
-    varied = [(place, value, parameters) for place, value in places if place not in fixed]
-    found = slopes(spec, solved.transcription, solved.outcome, varied, lambda it: formulate(it).problem)
-    return {where: found.get(where) for where in (pointer(("problem", *place)) for place, _ in places)}
+    apart = frozenset[str]().union(*(case.parameters for case in cases_of(spec))) if spec.scenarios else ()
+    known = [
+        item
+        for item in varied
+        if not ("parameters" in item.place and item.place[-1] in built_in)
+        and not (isinstance(item.value, str) and parse(item.value).names.intersection(apart))
+    ]
+    found = slopes(spec, solved.transcription, solved.outcome, known, problem_of)
+    return {where: found.get(where) for where in (pointer(("problem", *item.place)) for item in varied)}
 
 
 def slopes(
     spec: ProblemSpec,
     transcription: Differentiable,
     outcome: Outcome,
-    varied: Iterable[tuple[Place, Value, Mapping[str, float]]],
+    varied: Iterable[Varied],
     problem_of: Callable[[ProblemSpec], Any],
 ) -> dict[str, float | None]:
-    """dJ*/dy by JSON pointer for every number that is ``varied``.
-
-    Each with its place, itself and the parameters in which it is an expression.
-    """
+    """dJ*/dy by JSON pointer for every number that is ``varied``."""
     lagrangian = _Lagrangian(transcription, outcome)
     found: dict[str, float | None] = {}
     for place, value, parameters in varied:
@@ -128,14 +145,19 @@ class _Lagrangian:
 
 
 def numbers_of(
-    spec: ProblemSpec | PhaseSpec, parameters: Mapping[str, float]
-) -> Iterator[tuple[Place, Value]]:
-    """The place in the problem, or in a phase of it, and the value of everything that can be varied.
+    spec: ProblemSpec | PhaseSpec, varied: Mapping[str, Value], parameters: Mapping[str, float]
+) -> Iterator[Varied]:
+    """Everything in a problem, or in a phase of it, that can be varied, in these ``parameters``.
 
-    ``parameters``: those of the model that are varied.
+    ``varied``: the parameters of the model that are, as they are written.
     """
-    for name, number in parameters.items():
-        yield ("model", "parameters", name), number
+    for place, value in _places(spec, varied):
+        yield Varied(place, value, parameters)
+
+
+def _places(spec: ProblemSpec | PhaseSpec, varied: Mapping[str, Value]) -> Iterator[tuple[Place, Value]]:
+    for name, value in varied.items():
+        yield ("model", "parameters", name), value
     for key in _TIMES:
         yield from _sides((key,), getattr(spec, key))
     for key in _TABLES:
@@ -144,8 +166,17 @@ def numbers_of(
     for key in _LISTS:
         for index, item in enumerate(getattr(spec, key)):
             yield from _sides((key, index, "bounds"), item.bounds)
-    for name, item in spec.design.items() if isinstance(spec, ProblemSpec) else ():
+    if not isinstance(spec, ProblemSpec):
+        return
+    for name, item in spec.design.items():
         yield from _sides(("design", name, "bounds"), item.bounds)
+    for index, case in enumerate(() if spec.scenarios is None else spec.scenarios.cases):
+        here = ("scenarios", "cases", index)
+        for name, value in case.parameters.items():
+            yield (*here, "parameters", name), value
+        for key in _OF_CASES:
+            for name, bound in getattr(case, key).items():
+                yield from _sides((*here, key, name), bound)
 
 
 def _sides(place: Place, bound: BoundValue) -> Iterator[tuple[Place, Value]]:

@@ -25,7 +25,7 @@ from solvers.piecewise.solve import solve_piecewise
 from solvers.problem import OptimalControlProblem
 from solvers.progress import Progress, SilentProgress
 from solvers.reach import reach, shortfall
-from solvers.sensitivity import sensitivity
+from solvers.sensitivity import numbers_of, sensitivity
 from solvers.session import Session, start_report, statistics_of
 from solvers.solution import PlantAnswer, Solution
 from solvers.solved import Solved
@@ -57,7 +57,8 @@ def solve(
     if isinstance(spec.method, PiecewiseMethod):
         return solve_piecewise(spec, progress or SilentProgress(), min(spec.options.max_seconds, seconds))
     started = time.perf_counter()
-    formulation = formulate(spec.problem, spec.verification_tolerances()["terminal_error"])
+    allowed = spec.verification_tolerances()["terminal_error"]
+    formulation = formulate(spec.problem, allowed)
     seconds = min(spec.options.max_seconds, seconds)
     genetic = isinstance(spec.method, GeneticMethod)
     problem = formulation.simulated if genetic else formulation.problem
@@ -95,7 +96,12 @@ def solve(
         *tables_that_end(problem, trajectory),
         *improved.warnings,
     ]
-    slopes = sensitivity(spec.problem, solved) if solved.converged and one_plant else None
+    slopes = None
+    if solved.converged:
+        model = spec.problem.model
+        parameters = {name: model.parameters[name] for name in leading.problem.parameters}
+        varied = numbers_of(spec.problem, parameters, model.parameter_values())
+        slopes = sensitivity(spec.problem, solved, varied, lambda it: formulate(it, allowed).problem)
     solution = Solution(
         spec=spec,
         problem=leading.problem,

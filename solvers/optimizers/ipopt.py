@@ -160,17 +160,20 @@ class Ipopt:
             raise watcher.error
         statistics = self._solver.stats()
         solver_status = str(statistics["return_status"])
-        count, objective = int(statistics["iter_count"]), float(solution["f"])
+        count = int(statistics["iter_count"])
         # Absent where the optimizer has refused the program.
         told = statistics.get("iterations", {"obj": [], "inf_pr": []})
         watched = range(0, count, watcher.step)
-        last = (count, objective, violation(program, solution["g"].full().ravel()))
+        # What has no value at the start leaves zeros behind, which are no values.
+        known = 1.0 if told["obj"] else np.nan
+        objective = known * float(solution["f"])
+        last = (count, objective, known * violation(program, solution["g"].full().ravel()))
         return Outcome(
             unknowns=solution["x"].full().ravel(),
             objective=objective,
-            row_multipliers=solution["lam_g"].full().ravel(),
-            bound_multipliers=solution["lam_x"].full().ravel(),
-            number_slopes=-solution["lam_p"].full().ravel(),
+            row_multipliers=known * solution["lam_g"].full().ravel(),
+            bound_multipliers=known * solution["lam_x"].full().ravel(),
+            number_slopes=-known * solution["lam_p"].full().ravel(),
             status=watcher.stopped_by or _STATUS.get(solver_status, SolveStatus.DIVERGED),
             solver_status=solver_status,
             iterations=count,

@@ -32,7 +32,8 @@ class Outcome:
 
     ``number_slopes``: the derivative of the Lagrangian with respect to the numbers of the program.
     ``iterates`` are the iterations that were watched, from the initial point to the last one, each with its
-    objective and infeasibility. ``solver``: the optimizer's name.
+    objective and infeasibility. ``solver``: the optimizer's name. Where the program has no value at
+    the initial point, all but the unknowns is NaN.
     """
 
     unknowns: Vector

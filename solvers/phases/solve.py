@@ -28,9 +28,9 @@ from solvers.phases.trajectory import AnyTrajectory, PhasedTrajectory
 from solvers.phases.verify import flight_scope, totals, verify_phases
 from solvers.progress import Progress
 from solvers.reach import reach
-from solvers.sensitivity import Place, numbers_of, slopes
+from solvers.sensitivity import Varied, numbers_of, sensitivity
 from solvers.session import start_report, statistics_of
-from solvers.spec import JobSpec, ProblemSpec, Value
+from solvers.spec import JobSpec, ProblemSpec
 from solvers.start.earlier import other_phases
 from solvers.start.scaling import automatic_scaling
 from solvers.verification.evaluation_fault import Where, find_evaluation_fault
@@ -44,7 +44,8 @@ def solve_phases(
 ) -> PhasedSolution:
     """Solve a checked document with phases and verify the answer; see :func:`solvers.solve.solve`."""
     started = time.perf_counter()
-    formulation = formulate_phases(spec.problem, spec.verification_tolerances()["terminal_error"])
+    allowed = spec.verification_tolerances()["terminal_error"]
+    formulation = formulate_phases(spec.problem, allowed)
     session = PhasedSession(
         problem=formulation.problem,
         scaling=[automatic_scaling(phase.problem) for phase in formulation.problem.phases],
@@ -87,7 +88,10 @@ def solve_phases(
     ended = [item for phase, part in pairs for item in tables_that_end(phase.plant.problem, part)]
     warnings = [*other_phases(spec, earlier, session.parts), *ended, *improved.warnings]
     one_plant = spec.problem.scenarios is None
-    sensitivity = _sensitivity(spec.problem, problem, solved) if solved.converged and one_plant else None
+    slopes = None
+    if solved.converged:
+        varied = _varied(spec.problem, problem)
+        slopes = sensitivity(spec.problem, solved, varied, lambda it: formulate_phases(it, allowed).problem)
     solution = PhasedSolution(
         spec=spec,
         problem=problem,
@@ -111,7 +115,7 @@ def solve_phases(
             answer.edges[1:].tolist(),
         ),
         constraints=plants[0].constraints,
-        sensitivity=sensitivity,
+        sensitivity=slopes,
         convergence=session.convergence,
         starts=[start_report(item, item.trajectory.tf, kept=item is answers[0]) for item in answers],
         warnings=[*formulation.warnings, *_empty(problem, solved), *warnings],
@@ -191,18 +195,13 @@ def _margins(
     return merged_margins(chain(own, whole))
 
 
-def _sensitivity(spec: ProblemSpec, problem: PhasedProblem, solved: PhasedSolved) -> dict[str, float | None]:
-    varied = _varied(spec, problem)
-    return slopes(spec, solved.transcription, solved.outcome, varied, lambda it: formulate_phases(it).problem)
-
-
-def _varied(spec: ProblemSpec, problem: PhasedProblem) -> Iterator[tuple[Place, Value, Mapping[str, float]]]:
-    """Every number beside the phases and in each of them, with the parameters in which it is written."""
-    for place, value in numbers_of(spec, problem.parameters):
-        yield place, value, problem.parameters
+def _varied(spec: ProblemSpec, problem: PhasedProblem) -> Iterator[Varied]:
+    """Every number beside the phases and in each of them."""
+    common = {name: spec.model.parameters[name] for name in problem.parameters}
+    yield from numbers_of(spec, common, spec.model.parameter_values())
     for index, (phase, own) in enumerate(zip(problem.phases, spec.phases, strict=True)):
         parameters, here = phase.plant.problem.parameters, ("phases", index)
-        for name in own.parameters:
-            yield (*here, "parameters", name), parameters[name], parameters
-        for place, value in numbers_of(own, parameters if phase.view.has_own_model else {}):
-            yield (*here, *place), value, parameters
+        for name, value in own.parameters.items():
+            yield Varied((*here, "parameters", name), value, parameters)
+        for item in numbers_of(own, parameters if phase.view.has_own_model else {}, parameters):
+            yield item._replace(place=(*here, *item.place))

@@ -107,7 +107,7 @@ def _verdict(mission: Mission, verification: Verification) -> tuple[SolveStatus,
     if status is SolveStatus.UNVERIFIED:
         details = [_OUTSIDE]
         failed = [check for check in verification.checks if not check.passed]
-        details += [f"{check.name} is {check.value}, the limit {check.limit}." for check in failed]
+        details += [check.sentence for check in failed]
     details += [text for text in (mission.note, verification.note) if text]
     return status, " ".join(details)
 

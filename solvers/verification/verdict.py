@@ -45,6 +45,12 @@ class Check:
             return 0.0 if self.passed else math.inf
         return self.value / self.limit
 
+    @property
+    def sentence(self) -> str:
+        """The comparison in words."""
+        found = "was not computed" if self.value is None else f"is {self.value:.7g}"
+        return f"{self.name} {found}, the limit {self.limit:.7g}."
+
 
 @dataclass(frozen=True)
 class StateReport:

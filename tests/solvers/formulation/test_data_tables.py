@@ -258,6 +258,13 @@ def test_leaving_a_table_that_ends_is_an_error_of_the_expression() -> None:
     assert solution.status.value == "evaluation_error"
     assert "/problem/model/force/0" in solution.message
     assert "'Td(t)'" in solution.message
+    # Nothing had a value: what there is of the answer is where the search would have begun.
+    result = solution.result()
+    (start,), (*_, mesh) = result["starts"], result["convergence"]
+    assert result["objective"] is start["objective"] is mesh["objective"] is mesh["iterates"][0][1] is None
+    assert result["verification"]["hamiltonian_drift"] is None
+    assert set(result["nodes"]["costates"]["x"]) == {None}
+    assert None not in result["nodes"]["states"]["x"]
 
 
 @pytest.mark.parametrize("iterations", [40, 80])

@@ -45,16 +45,16 @@ each_search = pytest.mark.parametrize(
 
 @each_search
 @pytest.mark.parametrize(
-    ("choice", "control", "objective"),
+    ("choice", "control", "objective", "weights"),
     [
-        ("nominal", 0.5, 0.5),
-        ("mean", 5 / 19, ((14 / 19) ** 2 + (1 / 19) ** 2) / 2 + (5 / 19) ** 2),
-        # Where both plants cost the same: 1 - U = 4 U - 1.
-        ("worst", 0.4, 0.52),
+        ("nominal", 0.5, 0.5, (1, 0)),
+        ("mean", 5 / 19, ((14 / 19) ** 2 + (1 / 19) ** 2) / 2 + (5 / 19) ** 2, (1 / 2, 1 / 2)),
+        # Where both plants cost the same: 1 - U = 4 U - 1; with these weights their sum is least there too.
+        ("worst", 0.4, 0.52, (14 / 15, 1 / 15)),
     ],
 )
 def test_whose_objective_is_minimised(
-    method: dict[str, Any], choice: str, control: float, objective: float
+    method: dict[str, Any], choice: str, control: float, objective: float, weights: tuple[float, float]
 ) -> None:
     document = copy.deepcopy(INTEGRATOR)
     document["problem"]["scenarios"]["objective"] = choice
@@ -70,6 +70,16 @@ def test_whose_objective_is_minimised(
         assert scenario["verification"]["objective"] == pytest.approx(own, abs=1e-4)
     assert result["trajectory"] == result["scenarios"]["nominal"]["trajectory"]
     assert result["design"] == {}
+    if method["name"] == "ga":
+        assert result["sensitivity"] is None
+        return
+    slopes = [
+        weight * 2 * (gain * control - 1) * control for weight, gain in zip(weights, (1, 4), strict=True)
+    ]
+    places = ("model/parameters/a", "scenarios/cases/0/parameters/a")
+    assert [result["sensitivity"][f"/problem/{place}"] for place in places] == pytest.approx(slopes, abs=1e-5)
+    # It follows from a, which is another one in each plant: what it is worth is not one number.
+    assert result["sensitivity"]["/problem/model/parameters/twice"] is None
 
 
 def test_without_the_nominal_plant_the_first_case_leads() -> None:

@@ -22,15 +22,16 @@ def plant(dynamics: str, **parameters: float) -> dict[str, Any]:
 
 
 @pytest.mark.parametrize(
-    ("choice", "objective", "way"),
+    ("choice", "objective", "way", "weights"),
     [
-        ("nominal", 1 / 21, 1 / 1.05),
-        ("mean", 1 - 3.5**2 / 9 / 1.8, 3.5 / 3 / 1.8),
-        ("worst", 0.6**2 + 0.05 * 0.8**2, 0.8),
+        ("nominal", 1 / 21, 1 / 1.05, (1, 0, 0)),
+        ("mean", 1 - 3.5**2 / 9 / 1.8, 3.5 / 3 / 1.8, (1 / 3, 1 / 3, 1 / 3)),
+        # The weights of the worst two, with which their sum is least at the same U.
+        ("worst", 0.6**2 + 0.05 * 0.8**2, 0.8, (0, 2.48 / 3, 0.52 / 3)),
     ],
 )
 def test_the_objective_that_is_chosen_counts_over_all_phases(
-    choice: str, objective: float, way: float
+    choice: str, objective: float, way: float, weights: tuple[float, ...]
 ) -> None:
     """x' = a u for a second or two: with U the integral of u, (a U - 1)^2 + U^2 / 20 for a of 1/2, 1 and 2.
 
@@ -57,7 +58,12 @@ def test_the_objective_that_is_chosen_counts_over_all_phases(
     result = result_of(document)
     assert result["success"], result["message"]
     assert result["objective"] == pytest.approx(objective, abs=1e-9)
-    for name, gain in (("nominal", 1), ("weak", 0.5), ("strong", 2)):
+    places = ("model/parameters/a", "scenarios/cases/0/parameters/a", "scenarios/cases/1/parameters/a")
+    for name, gain, place, weight in zip(
+        ("nominal", "weak", "strong"), (1, 0.5, 2), places, weights, strict=True
+    ):
+        slope = weight * 2 * (gain * way - 1) * way
+        assert result["sensitivity"][f"/problem/{place}"] == pytest.approx(slope, abs=1e-6)
         scenario = result["scenarios"][name]
         assert scenario["trajectory"]["states"]["x"][-1] == pytest.approx(gain * way, abs=1e-7)
         assert scenario["verification"]["passed"]
