@@ -33,13 +33,15 @@ class Answers:
         raise ServiceError("no-result", f"The job {ended} without any iterate, so it has no result.")
 
     def ended(self, job_id: str) -> tuple[JobRecord, bytes | None]:
-        """Return a job that has ended, and its result if it has one; raises ServiceError for any other.
-
-        Nor is a job of flights told of by this.
-        """
+        """Return a job that has ended, and its result if it has one; raises ServiceError for any other."""
         record, text = self._store.get(job_id), self._store.result(job_id)
         if not record.status.final:
             raise self._not_ready(record)
+        return record, text
+
+    def solved(self, job_id: str) -> tuple[JobRecord, bytes | None]:
+        """Return what `ended` does; raises ServiceError for a job of flights, too."""
+        record, text = self.ended(job_id)
         if record.flights_of is not None:
             raise _no_answer(record.flights_of)
         return record, text

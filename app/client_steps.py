@@ -95,7 +95,7 @@ class Patience:
 
     def pause_after(self, response: httpx.Response) -> float | None:
         """Seconds after which to ask again, ``None`` when the answer is to be taken as it is."""
-        if response.status_code not in RETRY_STATUS or self.refusals >= RETRIES:
+        if not _may_pass(response) or self.refusals >= RETRIES:
             return None
         try:
             asked = float(response.headers["Retry-After"])
@@ -103,6 +103,13 @@ class Patience:
             asked = _growing(self.refusals)
         self.refusals += 1
         return asked if asked <= LONGEST_PAUSE else None
+
+
+def _may_pass(response: httpx.Response) -> bool:
+    """Whether a refusal is one for the moment."""
+    # The first try of a request whose answer was lost on the way may still be at work.
+    in_flight = response.status_code == httpx.codes.CONFLICT and "Idempotency-Key" in response.request.headers
+    return response.status_code in RETRY_STATUS or (in_flight and "Retry-After" in response.headers)
 
 
 def _growing(earlier: int) -> float:

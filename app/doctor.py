@@ -20,7 +20,7 @@ from app.embedded.binary import ServerBinary, find_server
 from app.embedded.errors import ServiceStartError
 from app.settings import Settings
 from worker.blobs import Blobs
-from worker.errors import ResultsUnavailable
+from worker.errors import ResultsUnavailable, broker_fault
 from worker.keys import KeyStore
 from worker.queue import JobQueue
 from worker.store import JobStore, connect
@@ -59,7 +59,7 @@ def examine(settings: Settings, data: Path | None = None) -> Iterator[Finding]:
             began = time.time()
             seconds, microseconds = redis.time()
         except RedisError as error:
-            yield Finding("broker", "error", f"does not answer: {error}")
+            yield Finding("broker", "error", broker_fault(error))
             return
         yield _broker(info)
         yield _skew(seconds + microseconds / 1e6 - began)

@@ -47,6 +47,8 @@ async def _regularly(look: Callable[[], None], period: float) -> None:
             if not away:
                 logger.warning("the store does not answer (%s); jobs are looked after when it does", error)
             away = True
+        except Exception:
+            logger.exception("looking after jobs has failed; it goes on")
         else:
             away = False
         await asyncio.sleep(period)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 
 from redis.exceptions import (
+    AuthenticationError,
     ClusterDownError,
     NoPermissionError,
     OutOfMemoryError,
@@ -60,3 +61,11 @@ def reason_of(error: RedisError) -> str:
 def takes_nothing(error: RedisError) -> bool:
     """Tell whether a server answers, but takes nothing new: full, without a disk, a replica, not for us."""
     return isinstance(error, _REFUSING) or _REFUSALS.search(reason_of(error)) is not None
+
+
+def broker_fault(error: RedisError) -> str:
+    """Return what is wrong with the server, for whoever runs it."""
+    if isinstance(error, AuthenticationError):
+        return "the broker refuses the password in its address, or wants one: redis://:PASSWORD@host:6379/0"
+    said = reason_of(error)
+    return f"the broker {'takes nothing' if takes_nothing(error) else 'does not answer'}: {said}"

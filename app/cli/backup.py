@@ -9,10 +9,11 @@ import click
 from app.cli.common import ExitCode, fail
 from app.cli.keys import broker_or_embedded, data_option
 from app.cli.service import broker_option, load
+from app.cli.targets import writable
 
 
 @click.command(short_help="Write all jobs, results and keys to a file.")
-@click.argument("file", type=click.Path(dir_okay=False, path_type=Path))
+@click.argument("file", type=click.Path(dir_okay=False, path_type=Path), callback=writable)
 @broker_option
 @data_option
 def backup(file: Path, broker: str | None, data: Path | None) -> None:
@@ -25,6 +26,9 @@ def backup(file: Path, broker: str | None, data: Path | None) -> None:
     settings = load(QueueSettings, broker_or_embedded(broker, data))
     # What is there is replaced only by a whole backup.
     unfinished = file.with_name(f"{file.name}.part")
+    unfinished.unlink(missing_ok=True)
+    # All documents and results of all projects: nobody else's to read.
+    unfinished.touch(mode=0o600)
     with connect(settings) as redis:
         try:
             jobs = write_backup(JobStore(redis, settings), unfinished)

@@ -26,6 +26,7 @@ class ExitCode(IntEnum):
 
 # Answers of the service that blame the question: no such job, erased, too large, mistakes in the document.
 BAD_INPUT_STATUS = frozenset({404, 410, 413, 422})
+NO_KEY = 401
 
 
 class CommandGroup(click.Group):
@@ -41,7 +42,10 @@ class CommandGroup(click.Group):
 
     def invoke(self, ctx: click.Context) -> object:
         """Run a command."""
+        from redis.exceptions import RedisError
+
         from solvers.errors import DocumentError, OndeletteError
+        from worker.errors import broker_fault
 
         try:
             return super().invoke(ctx)
@@ -49,6 +53,8 @@ class CommandGroup(click.Group):
             refuse_document((fault.pointer, fault.detail) for fault in error.faults)
         except OndeletteError as error:
             _tell_error(error)
+        except RedisError as error:
+            fail(broker_fault(error), ExitCode.BROKEN)
         except (click.exceptions.Exit, click.Abort, click.ClickException, BrokenPipeError):
             raise
         except Exception:  # noqa: BLE001 - the outermost frame: told in full, with the exit code for it
@@ -65,6 +71,8 @@ def _tell_error(error: Exception) -> NoReturn:
     if isinstance(error, RequestRefused):
         if error.errors:
             refuse_document((fault["pointer"], fault["detail"]) for fault in error.errors)
+        if error.status == NO_KEY:
+            fail(f"{error} The commands take it from ONDELETTE_KEY.", ExitCode.NOT_SOLVED)
         fail(str(error), ExitCode.BAD_INPUT if error.status in BAD_INPUT_STATUS else ExitCode.NOT_SOLVED)
     fail(str(error), ExitCode.NOT_SOLVED if isinstance(error, JobFailed) else ExitCode.BROKEN)
 

@@ -47,7 +47,7 @@ def _read(source: str) -> bytes:
     if len(raw) > longest:
         from solvers.errors import DocumentError, Fault
 
-        raise DocumentError([Fault("", f"the document is longer than {longest} bytes", "limit")])
+        raise DocumentError([Fault("", f"the document is longer than {longest:,} bytes", "limit")])
     return raw
 
 

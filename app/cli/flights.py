@@ -59,11 +59,11 @@ def _answer(path: Path) -> dict[str, Any]:
     """The result in a file; ends with 2 for what is none, or has no finite trajectory."""
     import json
 
-    from solvers.trajectory import Trajectory
+    from solvers.phases.trajectory import trajectory_of
 
     try:
         answered = json.loads(path.read_bytes())
-        known = Trajectory.from_result(answered).finite and "document" in answered["resolved"]
+        known = trajectory_of(answered).finite and "document" in answered["resolved"]
     except (ValueError, KeyError, TypeError, AttributeError, IndexError):
         known = False
     if not known:

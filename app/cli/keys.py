@@ -77,8 +77,6 @@ def create(
     data: Path | None,
 ) -> None:
     """Make a key for NAME and print it. It is shown this once only."""
-    from redis.exceptions import RedisError
-
     from worker.keys import Scope
 
     expires_at = None if days is None else time.time() + days * _DAY
@@ -86,8 +84,6 @@ def create(
         record, key = open_store(broker, data).create(name, project, map(Scope, scopes), expires_at)
     except ValueError as error:
         fail(f"--project: {error}", ExitCode.BAD_INPUT)
-    except RedisError as error:
-        fail(f"the broker does not answer: {error}", ExitCode.BROKEN)
     click.echo(f"key {record.id} of project {record.project}; keep it, it is not shown again", err=True)
     click.echo(key)
 
@@ -98,16 +94,12 @@ def create(
 @data_option
 def list_keys(as_json: bool, broker: str | None, data: Path | None) -> None:
     """List all keys, without their secrets."""
-    from redis.exceptions import RedisError
     from rich.markup import escape
     from rich.table import Table
 
     from worker.records import timestamp
 
-    try:
-        records = open_store(broker, data).list()
-    except RedisError as error:
-        fail(f"the broker does not answer: {error}", ExitCode.BROKEN)
+    records = open_store(broker, data).list()
     now = time.time()
     rows = [
         {
@@ -146,14 +138,10 @@ def list_keys(as_json: bool, broker: str | None, data: Path | None) -> None:
 @data_option
 def revoke(key_id: str, broker: str | None, data: Path | None) -> None:
     """Revoke the key with this ID (as keys list shows it), for good and within seconds."""
-    from redis.exceptions import RedisError
-
     from worker.keys import KeyUnknown
 
     try:
         record = open_store(broker, data).revoke(key_id)
     except KeyUnknown as error:
         fail(str(error), ExitCode.BAD_INPUT)
-    except RedisError as error:
-        fail(f"the broker does not answer: {error}", ExitCode.BROKEN)
     click.echo(f"key {record.id} is revoked")

@@ -3,30 +3,39 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
 from app.cli.common import ExitCode, fail, one_line, tables
 
+if TYPE_CHECKING:
+    from solvers.output.bundle import Bundle
+
 
 @click.command(short_help="Verify the answer in a bundle again.")
 @click.argument("bundle", type=click.Path(exists=True, dir_okay=False, path_type=Path))
 def replay(bundle: Path) -> None:
-    """Fly the answer in BUNDLE (the bundle.zip of a job) again, here and without a service.
+    """Fly what BUNDLE (the bundle.zip of a job) holds again, here and without a service.
 
     Exit code 0: it passes its verification, and every figure is what the result says; 1: not; 2: the file is
     no bundle.
     """
     from solvers.output.bundle import BundleError, unpack
-    from solvers.verification.replay import replay as fly
 
     try:
         unpacked = unpack(bundle.read_bytes())
-        found, result = fly(unpacked), unpacked.result
+        (_replay_flights if unpacked.of_flights else _replay_answer)(unpacked)
     except BundleError as error:
         fail(f"{bundle}: {error}", ExitCode.BAD_INPUT)
+
+
+def _replay_answer(bundle: Bundle) -> None:
     from rich.table import Table
 
+    from solvers.verification.replay import replay as fly
+
+    found = fly(bundle)
     table = Table("figure", "as stored", "now", "limit")
     limits = {check.name: check.limit for check in found.verification.checks}
     for name, then, now in found.figures():
@@ -41,6 +50,24 @@ def replay(bundle: Path) -> None:
         failed = [check.name for check in found.verification.checks if not check.passed]
         fail(f"the answer does not pass: {', '.join(failed)}", ExitCode.NOT_SOLVED)
     click.echo("verified: the flight is what the result says, and within its limits")
+    result = bundle.result
     if result is not None and not result.get("success"):
         words = f"but the solve was no success: {result.get('status')}: {result.get('message')}"
         click.echo(one_line(words), err=True)
+
+
+def _replay_flights(bundle: Bundle) -> None:
+    from rich.markup import escape
+    from rich.table import Table
+
+    from solvers.flights.again import AGREEMENT, flights_again
+
+    differences = flights_again(bundle)
+    table = Table("column", "largest difference")
+    for name, difference in differences.items():
+        table.add_row(escape(name), f"{difference:.3g}")
+    tables().print(table)
+    differing = [name for name, difference in differences.items() if difference > AGREEMENT]
+    if differing:
+        fail(one_line(f"not what the result says: {', '.join(differing)}"), ExitCode.NOT_SOLVED)
+    click.echo("verified: every flight ends as the result says")

@@ -36,6 +36,8 @@ def _read(file: Path) -> tuple[dict[str, Any], dict[str, Any] | None]:
             bundle = unpack(content)
         except BundleError as error:
             fail(f"{file}: {error}", ExitCode.BAD_INPUT)
+        if bundle.of_flights:
+            fail(f"{file}: flights have no report of their own", ExitCode.BAD_INPUT)
         return json.loads(bundle.document), None if bundle.result is None else dict(bundle.result)
     try:
         result: dict[str, Any] = json.loads(content)

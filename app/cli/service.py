@@ -78,13 +78,13 @@ def check_keys(settings: Settings, *, stored: bool = True) -> None:
     from redis.exceptions import RedisError
 
     from app.auth import missing_keys
+    from worker.errors import broker_fault
 
     try:
         reason = missing_keys(settings, stored=stored)
     except RedisError as error:
         reason = (
-            f"whether there are API keys cannot be told, for the broker does not answer ({error}); "
-            "--insecure does without"
+            f"whether there are API keys cannot be told, for {broker_fault(error)}; --insecure does without"
         )
     if reason is not None:
         fail(f"refusing to start: {reason}", ExitCode.BAD_INPUT)

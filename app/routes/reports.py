@@ -18,7 +18,7 @@ router = APIRouter(prefix="/v1/jobs/{job_id}", tags=["results"])
 @router.get("/report.html", response_class=HTMLResponse, responses=refusals(404, 409, 410, 503))
 def report(service: Shared, job_id: str) -> HTMLResponse:
     """Write the report of a final job, also of one that has no result: no script, nothing loaded."""
-    record, text = service.answers.ended(job_id)
+    record, text = service.answers.solved(job_id)
     page = write_report(
         json.loads(service.store.document(job_id)),
         None if text is None else json.loads(text),

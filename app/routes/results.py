@@ -121,13 +121,18 @@ def plot_png(service: Shared, job_id: str) -> Response:
     responses={200: {"content": {"application/zip": {}}}, **refusals(404, 409, 410, 503)},
 )
 def bundle(service: Shared, job_id: str) -> Response:
-    """Return everything to repeat the job elsewhere, for ``ondelette replay``; what failed has no result."""
+    """Return everything to repeat the job elsewhere, for ``ondelette replay``; what failed has no result.
+
+    Flights come with the result of the job whose answer they flew, as long as that is kept.
+    """
     record, text = service.answers.ended(job_id)
+    flown = None if record.flights_of is None else service.store.kept_result(record.flights_of)
     packed = pack(
         service.store.document(job_id),
         JobView.of(record).model_dump(mode="json"),
         None if text is None else json.loads(text),
         [_log_line(event) for event in service.store.events(job_id)],
+        None if flown is None else json.loads(flown),
     )
     headers = {"Content-Disposition": f'attachment; filename="{job_id}.zip"'}
     return Response(packed, media_type="application/zip", headers=headers)

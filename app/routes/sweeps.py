@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import contextlib
 import json
+import math
+import time
 from collections.abc import Mapping
 from typing import Annotated, Any
 
@@ -25,6 +27,7 @@ router = APIRouter(prefix="/v1/sweeps", tags=["sweeps"])
 MAX_NUMBERS = 20_000_000
 """Most numbers of the histories in one file."""
 
+_LONGEST_RETRY = 10
 _MEDIA = {"csv": "text/csv", "npz": "application/x-npz"}
 
 
@@ -115,8 +118,15 @@ def _look(service: Service, sweep_id: str) -> tuple[SweepRecord, list[TableRow]]
 
 def _answer(record: SweepRecord, rows: list[TableRow], status: int, *, table: bool) -> Response:
     view = sweep_view(record, rows, table=table)
-    headers = {} if is_final(rows) else {"Retry-After": "1"}
+    headers = {} if is_final(rows) else {"Retry-After": str(_retry_after(record, rows))}
     return Response(view.model_dump_json(), status, headers, "application/json")
+
+
+def _retry_after(record: SweepRecord, rows: list[TableRow]) -> int:
+    """Seconds after which it is worth asking again, by how fast points have ended until now."""
+    ended = sum(row.ending is not None for row in rows)
+    left = (time.time() - record.created_at) / ended * (len(rows) - ended) if ended else 0.0
+    return max(1, min(_LONGEST_RETRY, math.ceil(left)))
 
 
 def _columns(row: TableRow) -> dict[str, Any]:

@@ -2,7 +2,8 @@
 
 A ZIP archive of plain texts: ``document.json`` (as submitted, byte by byte), ``job.json`` (the record),
 ``options.json`` (the document with all defaults), ``versions.json`` (of the software that solved it),
-``result.json`` and ``log.txt``; the result and what is read from it are missing where there is none.
+``result.json`` and ``log.txt``; the result and what is read from it are missing where there is none. With
+flights comes ``flown.json``, the result of the job whose answer they flew, where that is still kept.
 """
 
 from __future__ import annotations
@@ -30,6 +31,7 @@ _CONTENTS = {
     "job.json": "how the job went",
     "versions.json": "the software that solved it",
     "result.json": "the answer",
+    "flown.json": "the answer that was flown",
     "log.txt": "what happened to the job, line by line",
 }
 _NO_ANSWER = "A job of ondelette that ended without an answer; there is nothing to verify.\n\n"
@@ -41,16 +43,26 @@ class BundleError(OndeletteError):
 
 @dataclass(frozen=True, slots=True)
 class Bundle:
-    """What is read back: the document's text, and the result if there is one."""
+    """What is read back: the document's text, the result if there is one, and the result that was flown."""
 
     document: bytes
     result: Mapping[str, Any] | None
+    flown: Mapping[str, Any] | None = None
+
+    @property
+    def of_flights(self) -> bool:
+        """Whether the job flew the answer of another one."""
+        return self.flown is not None or (self.result or {}).get("kind") == "flights"
 
 
 def pack(
-    document: bytes, job: Mapping[str, Any], result: Mapping[str, Any] | None, log: Sequence[str]
+    document: bytes,
+    job: Mapping[str, Any],
+    result: Mapping[str, Any] | None,
+    log: Sequence[str],
+    flown: Mapping[str, Any] | None = None,
 ) -> bytes:
-    """Return the archive of a job; ``log`` are lines without their ends."""
+    """Return the archive of a job; ``log`` are lines without their ends, ``flown`` is the result it flew."""
     parts: dict[str, bytes] = {
         "document.json": document,
         "job.json": _pretty(job),
@@ -60,8 +72,10 @@ def pack(
         parts |= {
             "options.json": _pretty(result["resolved"]),
             "versions.json": _pretty(result["provenance"]),
-            "result.json": json.dumps(result, allow_nan=False, separators=(",", ":")).encode(),
+            "result.json": _compact(result),
         }
+    if flown is not None:
+        parts["flown.json"] = _compact(flown)
     listed = "".join(f"{name:<13}  {words}\n" for name, words in _CONTENTS.items() if name in parts)
     about = _README if result is not None else _NO_ANSWER
     buffer = io.BytesIO()
@@ -79,13 +93,14 @@ def unpack(raw: bytes) -> Bundle:
             document = _part(archive, "document.json")
             if document is None:
                 raise BundleError("the bundle has no document.json")
-            text = _part(archive, "result.json")
-            result = None if text is None else json.loads(text)
+            texts = [_part(archive, name) for name in ("result.json", "flown.json")]
+            result, flown = (None if text is None else json.loads(text) for text in texts)
     except (zipfile.BadZipFile, EOFError, ValueError, NotImplementedError, RecursionError) as error:
         raise BundleError(f"this is no bundle of a job: {error}") from error
-    if result is not None and not isinstance(result, dict):
-        raise BundleError("result.json is not an object")
-    return Bundle(document, result)
+    for name, value in (("result.json", result), ("flown.json", flown)):
+        if value is not None and not isinstance(value, dict):
+            raise BundleError(f"{name} is not an object")
+    return Bundle(document, result, flown)
 
 
 def _part(archive: zipfile.ZipFile, name: str) -> bytes | None:
@@ -99,6 +114,10 @@ def _part(archive: zipfile.ZipFile, name: str) -> bytes | None:
     if len(text) > MAX_BYTES:
         raise BundleError(f"{name} has more than {MAX_BYTES:,} bytes")
     return text
+
+
+def _compact(value: Any) -> bytes:
+    return json.dumps(value, allow_nan=False, separators=(",", ":")).encode()
 
 
 def _pretty(value: Any) -> bytes:

@@ -95,7 +95,12 @@ def solved() -> bytes:
 def job(store: JobStore) -> Callable[..., str]:
     """Make a job in any status, as if a worker had been at it; returns its id."""
 
-    def make(status: JobStatus = JobStatus.QUEUED, result: bytes | None = None, **fields: Any) -> str:
+    def make(
+        status: JobStatus = JobStatus.QUEUED,
+        result: bytes | None = None,
+        document: bytes = json.dumps(FLEXIBLE_SPACECRAFT).encode(),
+        **fields: Any,
+    ) -> str:
         record = JobRecord(
             id=new_job_id(),
             status=JobStatus.QUEUED,
@@ -104,7 +109,7 @@ def job(store: JobStore) -> Callable[..., str]:
             created_at=time.time(),
             **fields,
         )
-        store.add(record, json.dumps(FLEXIBLE_SPACECRAFT).encode())
+        store.add(record, document)
         if status is not JobStatus.QUEUED:
             owner = store.start(record.id).owner
             if status.final:

@@ -13,6 +13,7 @@ from app.cli import main
 from solvers.solve import solve
 from solvers.spec import check_document
 from tests.bad_documents import FLEXIBLE_SPACECRAFT
+from tests.solvers.phases.test_phases import SLIDE_AND_ROLL
 
 
 def ondelette(*arguments: str | Path, stdin: str | None = None) -> Result:
@@ -37,6 +38,14 @@ def test_flights_from_a_file(answer: Path, tmp_path: Path) -> None:
     lines = (tmp_path / "runs.csv").read_text().splitlines()
     assert lines[0].startswith("run,k,theta_f,")
     assert float(lines[1].split(",")[1]) == result["columns"]["k"][0]
+
+
+def test_an_answer_with_phases(tmp_path: Path) -> None:
+    file = tmp_path / "result.json"
+    file.write_text(json.dumps(solve(check_document(SLIDE_AND_ROLL)).result()))
+    told = ondelette("flights", file, "-", stdin='{"runs": 2}')
+    assert told.exit_code == 0, told.output
+    assert json.loads(told.stdout)["runs"] == 2
 
 
 def test_bad_input_is_told_line_by_line(answer: Path, tmp_path: Path) -> None:

@@ -201,7 +201,9 @@ def test_a_data_folder_without_a_past_has_no_keys(tmp_path: Path) -> None:
     assert not (tmp_path / "new").exists()
 
 
-def test_with_a_key_it_listens_and_lets_in_who_has_it(tmp_path: Path) -> None:
+def test_with_a_key_it_listens_and_lets_in_who_has_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     data = ("--data", str(tmp_path))
     run = CliRunner()
     with serving(*data) as (_, url):
@@ -210,17 +212,19 @@ def test_with_a_key_it_listens_and_lets_in_who_has_it(tmp_path: Path) -> None:
         key = made.stdout.strip()
         with Client(url, key=key) as client:
             assert client.submit(FLEXIBLE_SPACECRAFT)["project"] == "slews"
+    monkeypatch.setenv("ONDELETTE_KEY_CACHE_SECONDS", "0.1")
     with serving("--host", "0.0.0.0", *data) as (_, url):
         with Client(url, key=key) as client:
             assert len(list(client.jobs())) == 1
-        assert httpx.get(f"{url}/v1/jobs", trust_env=False).status_code == 401
+        refused = run.invoke(main, ["list", "--server", url])
+        assert (refused.exit_code, refused.stderr.endswith("ONDELETTE_KEY.\n")) == (1, True), refused.output
         assert httpx.get(f"{url}/readyz", trust_env=False).status_code == 200
         listed = json.loads(run.invoke(main, ["keys", "list", "--json", *data]).stdout)
         assert [(entry["name"], entry["valid"]) for entry in listed] == [("Ada", True)]
         assert key.rpartition("_")[2] not in run.invoke(main, ["keys", "list", *data]).output
         assert run.invoke(main, ["keys", "revoke", listed[0]["id"], *data]).exit_code == 0
         assert run.invoke(main, ["keys", "revoke", "nobody", *data]).exit_code == 2
-        time.sleep(2.1)
+        time.sleep(0.2)
         assert httpx.get(f"{url}/v1/jobs", headers={"Authorization": f"Bearer {key}"}).status_code == 401
     # All keys are revoked: there is none to enter with.
     answer = run.invoke(main, ["serve", "--host", "0.0.0.0", *data, "--port", "0"])

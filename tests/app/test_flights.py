@@ -5,13 +5,20 @@ from __future__ import annotations
 import json
 import zlib
 from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
 
 import httpx
 import pytest
+from click.testing import CliRunner, Result
 
+from app.cli import main
 from solvers.catalogue import load_case
+from solvers.flights.run import run_flights
+from solvers.output.bundle import Bundle, pack, unpack
 from solvers.solve import solve
 from solvers.spec import check_document
+from solvers.spec.flights import check_flights
 from tests.problems import problem
 from tests.solvers.phases.test_phases import SLIDE_AND_ROLL
 from worker.queue import JobQueue
@@ -102,6 +109,36 @@ def test_missions_in_segments_are_unsupported(
     assert members["errors"][0]["type"] == "unsupported"
 
 
+def test_a_bundle_of_flights_is_flown_again(
+    client: httpx.Client, job: Callable[..., str], store: JobStore, source: str, solved: bytes, tmp_path: Path
+) -> None:
+    answer = json.loads(zlib.decompress(solved))
+    asked = {"runs": 3, "parameters": ASKED["parameters"]}
+    spec = check_flights(asked, answer["resolved"]["document"])
+    flown = run_flights(spec, answer).result("flights", source)
+    packed = compress(json.dumps(flown).encode())
+    flights = job(
+        JobStatus.SUCCEEDED, packed, method="flights", flights_of=source, document=json.dumps(asked).encode()
+    )
+    bundle = unpack(client.get(f"/v1/jobs/{flights}/bundle.zip").content)
+    assert (bundle.result, bundle.flown) == (flown, answer)
+
+    def replayed(bundle: Bundle) -> Result:
+        file = tmp_path / "bundle.zip"
+        file.write_bytes(pack(bundle.document, {}, bundle.result, [], bundle.flown))
+        return CliRunner().invoke(main, ["replay", str(file)])
+
+    again = replayed(bundle)
+    assert again.exit_code == 0, again.output
+    assert "every flight ends as the result says" in again.stdout
+    flown["columns"]["theta_f"][1] += 1e-4
+    other = replayed(replace(bundle, result=flown))
+    assert (other.exit_code, other.stderr) == (1, "ondelette: not what the result says: theta_f\n")
+    store.erase(source)
+    alone = unpack(client.get(f"/v1/jobs/{flights}/bundle.zip").content)
+    assert (alone.flown, replayed(alone).exit_code) == (None, 2)
+
+
 def test_what_flights_do_not_have(
     client: httpx.Client, job: Callable[..., str], source: str, document: dict[str, object]
 ) -> None:
@@ -113,7 +150,7 @@ def test_what_flights_do_not_have(
     packed = compress(json.dumps(result).encode())
     flights = job(JobStatus.SUCCEEDED, packed, method="flights", flights_of=source)
     here = f"/v1/jobs/{flights}"
-    for part in ("trajectory", "plot.svg", "command?period=1", "bundle.zip", "report.html"):
+    for part in ("trajectory", "plot.svg", "command?period=1", "report.html"):
         problem(client.get(f"{here}/{part}"), 404, "no-result")
     problem(client.post(f"{here}/flights", json=ASKED), 404, "no-result")
     for kind in ("npz", "mat"):

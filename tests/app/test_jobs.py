@@ -143,6 +143,7 @@ class TestIdempotency:
         app.state.service.claims.take("a key", canonical_json(document).encode(), new_job_id())
         response = client.post("/v1/jobs", json=document, headers={"Idempotency-Key": "a key"})
         problem(response, 409, "conflict")
+        assert response.headers["retry-after"] == "1"
 
     def test_a_body_may_be_written_in_another_way(
         self, client: httpx.Client, queue: JobQueue, document: dict[str, Any]
