@@ -22,9 +22,15 @@ MAX_DEPTH = 64
 MAX_OPERATIONS = 2000
 
 
+# What other languages call what is written so here.
+_ELSEWHERE = {"ln": "log", "pow": "^"}
+
+
 def unknown_function(name: str) -> str:
     """Return the sentence about a name that is called and is neither a function nor a data table."""
-    return f"unknown function {quoted(name)} (a product needs its '*'){did_you_mean(name, sorted(FUNCTIONS))}"
+    meant = _ELSEWHERE.get(name)
+    hint = f"; did you mean '{meant}'?" if meant else did_you_mean(name, sorted(FUNCTIONS))
+    return f"unknown function {quoted(name)} (a product needs its '*'){hint}"
 
 
 class ExpressionLimitError(ExpressionError):
@@ -209,7 +215,8 @@ class _Parser:
         self.index += 1
         self.nested(0, position)
         if self.tokens[self.index][1] == ",":
-            raise ExpressionError(f"{unknown_function(name)}; a data table takes 1 argument", position)
+            detail = f"{unknown_function(name)}; if it is a data table, it takes 1 argument"
+            raise ExpressionError(detail, position)
         self.close(bracket)
         self.positions.setdefault(name, position)
         self.called.add(name)

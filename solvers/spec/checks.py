@@ -9,7 +9,15 @@ from collections.abc import Collection
 from typing import Any, TypeGuard
 
 from solvers.errors import ExpressionError
-from solvers.expressions import Code, Expression, ExpressionLimitError, parse, quoted, unknown_function
+from solvers.expressions import (
+    CONSTANTS,
+    Code,
+    Expression,
+    ExpressionLimitError,
+    parse,
+    quoted,
+    unknown_function,
+)
 from solvers.spec.faults import Flaws, Path, kind_of
 from solvers.spec.scope import Scope
 from solvers.spec.values import FREE, Interval, evaluate_constant, is_finite
@@ -84,7 +92,8 @@ def _check_names(
         elif name in scope.model_names or name in scope.boundary_names or name in scope.rate_names:
             flaws.add(f"the name {quoted(name)} cannot be used here; {_ADVICE[place]}{where}", *path)
         else:
-            flaws.add(f"unknown name {quoted(name)}{scope.suggest(name, names)}{where}", *path)
+            known = names | CONSTANTS.keys()
+            flaws.add(f"unknown name {quoted(name)}{scope.suggest(name, known)}{where}", *path)
 
 
 def _check_calls(expression: Expression, scope: Scope, flaws: Flaws, path: Path) -> None:
@@ -125,11 +134,12 @@ def check_constant(value: Any, scope: Scope, flaws: Flaws, *path: str | int) -> 
 
 def check_bound(value: Any, scope: Scope, flaws: Flaws, *path: str | int) -> Interval | None:
     """Check a bound; return its interval, or ``None`` where that cannot be judged."""
-    if not isinstance(value, list):
+    if is_number(value) or isinstance(value, str):
         number = check_constant(value, scope, flaws, *path)
         return None if number is None else (number, number)
-    if len(value) != 2:
-        flaws.add(f"a bound is one value or [lower, upper], not a list of {len(value)}", *path)
+    if not isinstance(value, list) or len(value) != 2:
+        found = f"a list of {len(value)}" if isinstance(value, list) else kind_of(value)
+        flaws.add(f"a bound is one value or [lower, upper] (a side may be null), not {found}", *path)
         return None
     sides = [
         free if side is None else check_constant(side, scope, flaws, *path, index)

@@ -8,7 +8,9 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
+from typing import Any
 
+from solvers.errors import pointer
 from solvers.expressions import RESERVED, quoted
 from solvers.models import LIBRARY
 from solvers.spec.attitude import check_attitude
@@ -50,13 +52,13 @@ def cross_check(scope: Scope) -> Flaws:
     _check_guess(scope, flaws)
     check_support(scope, flaws)
     check_cases(scope, flaws)
-    _check_each_case(scope, flaws)
     check_phases(scope, flaws)
     _check_each_phase(scope, flaws)
     if scope.known and scope.axes:
         check_modal(scope, flaws)
     elif scope.known and scope.coordinates:
         check_mass(scope, flaws)
+    _check_each_case(scope, flaws)
     return flaws
 
 
@@ -64,8 +66,9 @@ def _check_each_case(scope: Scope, flaws: Flaws) -> None:
     """What would be wrong with the document if a case were all of it, and is not wrong without the case."""
     problem = scope.problem
     cases = mapping(problem.get("scenarios")).get("cases")
-    if not isinstance(cases, list) or flaws.found or not scope.known:
+    if not isinstance(cases, list) or not scope.known:
         return
+    without = {path for path, _, _ in flaws.found}
     for index, case in enumerate(map(mapping, cases[:MAX_CASES])):
         model = mapping(problem.get("model"))
         parameters = {**mapping(model.get("parameters")), **mapping(case.get("parameters"))}
@@ -73,9 +76,26 @@ def _check_each_case(scope: Scope, flaws: Flaws) -> None:
         alone["model"] = {**model, "parameters": parameters}
         for key in ("initial_state", "final_state", "bounds"):
             alone[key] = {**mapping(problem.get(key)), **mapping(case.get(key))}
-        for fault in cross_check(read_scope({**scope.document, "problem": alone})).faults():
-            detail = f"in this case {fault.pointer}: {fault.detail}"
-            flaws.add(detail, "problem", "scenarios", "cases", index, type=fault.type)
+        here = ("problem", "scenarios", "cases", index)
+        for path, detail, kind in cross_check(read_scope({**scope.document, "problem": alone})).found:
+            own = _said_in(case, path)
+            if own:
+                flaws.add(detail, *here, *own, type=kind)
+            elif path not in without:
+                flaws.add(f"in this case {pointer(path)}: {detail}", *here, *_to_blame(case, path), type=kind)
+
+
+def _said_in(case: dict[str, Any], path: Path) -> Path:
+    """Where a case itself says what is at ``path`` of the document that it makes; nothing if it does not."""
+    key, rest = ("parameters", path[3:]) if path[1:3] == ("model", "parameters") else (path[1], path[2:])
+    return (key, *rest) if rest and rest[0] in mapping(case.get(str(key))) else ()
+
+
+def _to_blame(case: dict[str, Any], path: Path) -> Path:
+    """What of a case makes wrong what is right at ``path`` of the document; nothing if that is not clear."""
+    if path[1:2] == ("model",):
+        return ("parameters",)
+    return ("bounds", path[2]) if path[2:] and path[2] in mapping(case.get("bounds")) else ()
 
 
 def _check_each_phase(scope: Scope, flaws: Flaws) -> None:
@@ -153,7 +173,8 @@ def _name_flaw(name: str, seen: dict[str, str], generated: dict[str, str]) -> st
     if name in RESERVED:
         return f"the name {quoted(name)} is reserved"
     if name in seen:
-        return f"the name {quoted(name)} is already taken by a {seen[name]}"
+        article = "an" if seen[name][0] in "aeiou" else "a"
+        return f"the name {quoted(name)} is already taken by {article} {seen[name]}"
     if name in generated:
         return f"the name {quoted(name)} is reserved: it is generated for {quoted(generated[name])}"
     return None

@@ -6,6 +6,7 @@ context, which `solvers.spec.check_document` provides.
 
 from __future__ import annotations
 
+import math
 from copy import deepcopy
 from dataclasses import dataclass
 from typing import Annotated, Any
@@ -22,6 +23,7 @@ from solvers.spec.values import Value
 VALUE_SCHEMA: dict[str, Any] = {
     "anyOf": [{"type": "number"}, {"type": "string", "maxLength": MAX_CHARACTERS}],
 }
+_ROUNDING = 1e-12
 _SIDE = {"anyOf": [*VALUE_SCHEMA["anyOf"], {"type": "null"}]}
 BOUND_SCHEMA: dict[str, Any] = {
     "anyOf": [*VALUE_SCHEMA["anyOf"], {"type": "array", "items": _SIDE, "minItems": 2, "maxItems": 2}],
@@ -132,7 +134,7 @@ class Real(Check):
 
 @dataclass(frozen=True)
 class Count(Check):
-    """A whole number of ``things`` from ``least`` to ``limit``, written as a number."""
+    """A whole number of ``things`` from ``least`` to ``limit``, or an expression that is worth one."""
 
     least: int
     limit: int
@@ -140,6 +142,14 @@ class Count(Check):
 
     def check(self, value: Any, scope: Scope) -> int:
         """Return the integer."""
+        if isinstance(value, str):
+            flaws = Flaws()
+            value = check_constant(value, scope, flaws)
+            flaws.raise_any()
+            if value is None:
+                return self.least  # what it names is at fault, and reported there
+            # An expression may miss what it is worth by roundings.
+            value = round(value) if math.isclose(value, round(value), rel_tol=_ROUNDING) else value
         if not is_number(value):
             raise refuse(f"must be a whole number, not {kind_of(value)}")
         if not float(value).is_integer():
@@ -151,8 +161,9 @@ class Count(Check):
         return int(value)
 
     def schema(self) -> dict[str, Any]:
-        """An integer."""
-        return {"type": "integer", "minimum": self.least, "maximum": self.limit}
+        """An integer or an expression."""
+        number = {"type": "integer", "minimum": self.least, "maximum": self.limit}
+        return {"anyOf": [number, VALUE_SCHEMA["anyOf"][1]]}
 
 
 @dataclass(frozen=True)

@@ -42,14 +42,26 @@ def check_mass(scope: Scope, flaws: Flaws) -> None:
                     matrix[i, j] = parse(entry).evaluate(point)
     except (ExpressionError, KeyError, TypeError):
         return
-    place: Path = ("problem", "model")
-    if mapping(scope.problem["model"]).get("kind") != "library":  # the rows of the library are nobody's fault
-        place += ("mass",)
+    given = scope.problem["model"].get("mass")  # the rows of the library are nobody's fault
+    place: Path = ("problem", "model") if given is None else ("problem", "model", "mass")
     if not np.isfinite(matrix).all():
         i, j = (int(index) for index in np.argwhere(~np.isfinite(matrix))[0])
-        flaws.add(f"the mass matrix is not finite at the start: entry {i}, {j} is {matrix[i, j]}", *place)
+        detail = f"the mass matrix is not finite at the start: entry {i}, {j} is {matrix[i, j]}"
+        flaws.add(detail, *place, *_place_of_entry(given, i, j))
     elif _is_singular(matrix):
         flaws.add("the mass matrix is singular at the start", *place)
+
+
+def _place_of_entry(given: Any, row: int, column: int) -> Path:
+    """Where an entry stands in a matrix that is given as rows, as a diagonal or by entries."""
+    if isinstance(given, list):
+        return row, column
+    if "diag" in mapping(given):
+        return "diag", row
+    for index, (i, j, _) in enumerate(mapping(given).get("entries", ())):
+        if (i, j) == (row, column) or (given.get("symmetric") and (j, i) == (row, column)):
+            return "entries", index, 2
+    return ()
 
 
 def _is_singular(matrix: np.ndarray) -> bool:

@@ -7,6 +7,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
+from solvers.expressions import quoted
 from solvers.models import LIBRARY
 from solvers.spec.base import SpecModel
 from solvers.spec.checks import check_bound, check_constant, check_expression, is_number
@@ -70,8 +71,10 @@ class CountOrEnd(Check):
         """Return the number or the word."""
         if value == "end":
             return "end"
-        if not is_number(value):
+        if not is_number(value) and not isinstance(value, str):
             raise refuse(f"must be a whole number or 'end', not {kind_of(value)}")
+        if isinstance(value, str) and value.isidentifier() and value not in scope.parameter_names:
+            raise refuse(f"must be a whole number or 'end', not {quoted(value)}")
         return self.count.check(value, scope)
 
     def schema(self) -> dict[str, Any]:

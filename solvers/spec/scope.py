@@ -127,7 +127,6 @@ def read_model(scope: Scope) -> None:
     model = scope.model
     table = mapping(model.get("parameters"))
     scope.parameter_names = frozenset(table)
-    _read_parameters(scope, table)
     scope.table_names |= frozenset(mapping(scope.problem.get("data")))
     scope.designed = _designed(table, mapping(scope.problem.get("design")))
     kind = model.get("kind")
@@ -142,11 +141,11 @@ def read_model(scope: Scope) -> None:
     else:
         states = _name_list(model.get("states")) if kind == "first_order" else None
     controls = _name_list(model.get("controls"))
-    if states is None or controls is None:
-        return
-    scope.known = True
-    scope.states, scope.controls = states, controls
-    _read_names(scope)
+    if states is not None and controls is not None:
+        scope.known = True
+        scope.states, scope.controls = states, controls
+        _read_names(scope)
+    _read_parameters(scope, table)
 
 
 def _read_names(scope: Scope) -> None:
@@ -235,6 +234,9 @@ def _read_parameter(scope: Scope, name: str, value: float | str, earlier: set[st
             where = f" (at character {expression.positions[other] + 1})"
             if other in scope.parameter_names:
                 flaws.add(f"{quoted(other)} comes later; a parameter may use earlier ones only{where}", name)
+            elif other in scope.model_names or other in scope.boundary_names:
+                what = "the names here are earlier parameters and constants"
+                flaws.add(f"the name {quoted(other)} cannot be used here; {what}{where}", name)
             else:
                 flaws.add(f"unknown name {quoted(other)}{scope.suggest(other, earlier)}{where}", name)
         if not expression.called and expression.names <= scope.parameters.keys():

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from typing import Any
 
@@ -9,6 +10,7 @@ from solvers.errors import ExpressionError
 from solvers.expressions import parse
 from solvers.spec.faults import Flaws, Path
 from solvers.spec.scope import Scope, mapping
+from solvers.spec.values import evaluate_constant
 
 CORNERS = frozenset(("abs", "min", "max"))
 _NOT_FLOWN = (
@@ -52,7 +54,7 @@ def _not_flown(document: dict[str, Any]) -> Iterator[tuple[Path, str]]:
             yield ("output", key), f"'{key}'"
     if document.get("warm_start") is not None:
         yield ("warm_start",), "'warm_start'"
-    if mapping(document.get("options")).get("starts") not in (None, 1):
+    if _worth(mapping(document.get("options")).get("starts", 1)) != 1:
         yield ("options", "starts"), "more than one start"
 
 
@@ -60,8 +62,17 @@ def _windows(problem: dict[str, Any]) -> Iterator[int]:
     """Yield the indices of the path constraints that hold during a part of the time."""
     constraints = problem.get("path_constraints")
     for index, item in enumerate(constraints if isinstance(constraints, list) else ()):
-        if mapping(item).get("during", [0, 1]) != [0, 1]:
+        during = mapping(item).get("during", [0, 1])
+        if not isinstance(during, list) or [_worth(side) for side in during] != [0, 1]:
             yield index
+
+
+def _worth(value: Any) -> float:
+    """What a value without names is worth; NaN where that cannot be told."""
+    try:
+        return evaluate_constant(value, {})
+    except (ExpressionError, TypeError):
+        return math.nan
 
 
 def uses_corners(expression: Any) -> bool:

@@ -15,7 +15,7 @@ from solvers.spec.base import SpecModel
 from solvers.spec.command import CommandSpec
 from solvers.spec.faults import MAX_FAULTS, Flaw, Flaws, Path, kind_of
 from solvers.spec.job import JobSpec, Options, Output, Verification
-from solvers.spec.method_model import SplineAdaptivity
+from solvers.spec.method_model import Adaptivity, SplineAdaptivity
 from solvers.spec.methods import METHODS
 from solvers.spec.modal import Mode
 from solvers.spec.models import FirstOrderModel, LibraryReference, MechanicalModel, ModalModel
@@ -65,11 +65,12 @@ _OBJECTS: dict[str, type[SpecModel]] = {
     "output": Output,
     "command": CommandSpec,
     "webhook": Webhook,
-    "adaptive": SplineAdaptivity,
+    "adaptive": Adaptivity,
     "segments": Segments,
     "stop": Stop,
     "tracking": Tracking,
 }
+_ADAPTIVE: dict[Path, type[SpecModel]] = {("swcm", "adaptive"): SplineAdaptivity}
 
 _BESIDE_PHASES = {
     "model": "that of all phases without a model of their own",
@@ -108,7 +109,9 @@ def _flaws_of(error: ErrorDetails, scope: Scope, whole: type[SpecModel]) -> Iter
             yield loc + path, detail, kind
     elif error["type"] == "extra_forbidden":
         key = str(tagged[-1])
-        owner = next((_OBJECTS[p] for p in reversed(tagged[:-1]) if p in _OBJECTS), whole)
+        owner = _ADAPTIVE.get(tagged[1:-1]) or next(
+            (_OBJECTS[p] for p in reversed(tagged[:-1]) if p in _OBJECTS), whole
+        )
         keys = [info.alias or name for name, info in owner.model_fields.items()]
         yield loc, f"unknown key {quoted(key)}{scope.suggest(key, keys)}", "invalid"
     elif error["type"] in ("union_tag_invalid", "union_tag_not_found"):

@@ -55,6 +55,8 @@ ROWS: list[tuple[dict[str, Any], str, str]] = [
     ({DATA: {"theta_f": TABLE}}, f"{DATA}/theta_f", "generated"),
     ({FORCE: ["Tb(t)", 0], **table()}, f"{FORCE}/0", "unknown function"),
     ({FORCE: ["Td", 0], **table()}, f"{FORCE}/0", "call it"),
+    ({FORCE: ["Td(t, 1)", 0], **table()}, f"{FORCE}/0", "if it is a data table, it takes 1 argument"),
+    ({FORCE: ["ln(2)", 0]}, f"{FORCE}/0", "did you mean 'log'?"),
     ({FORCE: ["k(t)", 0]}, f"{FORCE}/0", "no data table"),
     ({"/problem/objective/terminal": "Td(tf)", **table()}, "/problem/objective/terminal", "cannot be used"),
     ({"/problem/model/parameters/k": "foo(1)"}, "/problem/model/parameters/k", "unknown function 'foo'"),

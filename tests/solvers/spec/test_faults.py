@@ -108,7 +108,24 @@ NUMBERS: list[Row] = [
     ({"/problem/guess/final_time": "30*s"}, "/problem/guess/final_time", "unknown name 's'"),
     ({"/method/L": 4}, "/method/L", "at least 5"),
     ({"/method/L": 5.5}, "/method/L", "whole number"),
-    ({"/method/L": "8"}, "/method/L", "whole number, not text"),
+    ({"/method/L": "k/15"}, "/method/L", "whole number, not 6.66667"),
+    ({"/method/L": "eight"}, "/method/L", "unknown name 'eight'"),
+    ({"/output/samples": "20*m + R"}, "/output/samples", "whole number, not 202.5"),
+    ({"/problem/bounds/T": {}}, "/problem/bounds/T", "[lower, upper] (a side may be null), not an object"),
+    ({f"{MODEL}/parameters/R": "alpha"}, f"{MODEL}/parameters/R", "'alpha' cannot be used here"),
+    ({"/problem/final_state/theta": "PI/6"}, "/problem/final_state/theta", "did you mean 'pi'?"),
+    ({f"{MODEL}/mass/0/1": "1/(k - 100)"}, f"{MODEL}/mass/0/1", "entry 0, 1 is inf"),
+    ({f"{MODEL}/mass": {"diag": [1, "log(0)"]}}, f"{MODEL}/mass/diag/1", "entry 1, 1 is -inf"),
+    (
+        {f"{MODEL}/mass": {"entries": [[0, 0, 1], [1, 0, "1/0"], [1, 1, 1]], "symmetric": True}},
+        f"{MODEL}/mass/entries/1/2",
+        "entry 0, 1 is inf",
+    ),
+    (
+        {"/method": {"name": "gpm", "adaptive": {"max_level": 4}}},
+        "/method/adaptive/max_level",
+        "unknown key 'max_level'",
+    ),
     ({"/method/J": True}, "/method/J", "whole number, not true"),
     ({"/method/J": -1}, "/method/J", "at least 0"),
     ({"/method": {"name": "gpm", "nodes": 0}}, "/method/nodes", "at least 1"),
@@ -167,7 +184,7 @@ SHAPES: list[Row] = [
     ({f"{MODEL}/mass": [[1, 1], [1, 1]]}, f"{MODEL}/mass", "singular"),
     ({f"{MODEL}/mass": [[0, 0], [0, 1]]}, f"{MODEL}/mass", "singular"),
     ({f"{MODEL}/mass/0": ["sin(theta)", 0]}, f"{MODEL}/mass", "singular"),
-    ({f"{MODEL}/mass/0/0": "1/alpha"}, f"{MODEL}/mass", "not finite at the start: entry 0, 0"),
+    ({f"{MODEL}/mass/0/0": "1/alpha"}, f"{MODEL}/mass/0/0", "not finite at the start: entry 0, 0"),
 ]
 
 NAMES: list[Row] = [

@@ -46,7 +46,7 @@ FAULTS: list[tuple[dict[str, Any], str, str]] = [
     ({f"{MODE}/frequency_hz": "f2"}, f"{MODE}/frequency_hz", "did you mean 'f1'"),
     ({f"{MODE}/frequency": 1}, f"{MODE}/frequency", "did you mean 'frequency_hz'"),
     ({f"{MODE}/damping": -0.1}, f"{MODE}/damping", "at least 0"),
-    ({f"{MODE}/name": "theta"}, f"{MODE}/name", "already taken by a axis"),
+    ({f"{MODE}/name": "theta"}, f"{MODE}/name", "already taken by an axis"),
     ({f"{MODEL}/parameters/vibration_energy": 1}, f"{MODEL}/parameters/vibration_energy", "generated"),
     ({f"{MODEL}/input": [[1], [1]]}, f"{MODEL}/input", "one for each axis, 1 in all, not 2"),
 ]

@@ -118,7 +118,7 @@ OUTPUT_FAULTS: list[tuple[Any, str, str]] = [
     ([{"expression": "T"}], "/0/name", "is required"),
     ([{"name": "a"}], "/0/expression", "is required"),
     ([{"name": "alpha", "expression": 1}], "/0/name", "already taken by a coordinate"),
-    ([{"name": "a", "expression": 1}, {"name": "a", "expression": 2}], "/1/name", "taken by a output"),
+    ([{"name": "a", "expression": 1}, {"name": "a", "expression": 2}], "/1/name", "taken by an output"),
     ([{"name": "a b", "expression": 1}], "/0/name", "is not a name"),
     ([{"name": "a", "expression": "b"}, {"name": "b", "expression": 1}], "/0/expression", "unknown name 'b'"),
     ([{"name": "a", "expression": 1, "unit": "N"}], "/0/unit", "did you mean 'units'"),

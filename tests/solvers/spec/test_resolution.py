@@ -86,6 +86,7 @@ def test_the_fingerprint_is_that_of_the_canonical_text() -> None:
         {"/problem/model/parameters/Jb": 440.0},
         {"/problem/path_constraints": [], "/problem/model/definitions": {}},
         {"/options/starts": 1},
+        {"/method/L": "3.2*R", "/method/J": "0.4*m", "/output/samples": "200 + 1"},
         {"/reference": {"objective": 25.9}, "/$schema": "x"},
         {"/problem/initial_state": dict(reversed(FLEXIBLE_SPACECRAFT["problem"]["initial_state"].items()))},
     ],

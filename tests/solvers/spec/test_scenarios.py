@@ -31,10 +31,15 @@ FAULTS: list[tuple[Any, str, str]] = [
     ({"cases": [{"name": "a", "final_state": {"alpa": 1}}]}, "/cases/0/final_state/alpa", "'alpha'"),
     (
         {"cases": [{"name": "a", "bounds": {"alpha": [1, 2]}}]},
-        "/cases/0",
+        "/cases/0/bounds/alpha",
         "in this case /problem/initial_state/alpha",
     ),
-    ({"cases": [{"name": "a", "parameters": {"m": 0}}]}, "/cases/0", "singular at the start"),
+    (
+        {"cases": [{"name": "a", "bounds": {"alpha": [-1, 1]}, "final_state": {"alpha": 2}}]},
+        "/cases/0/final_state/alpha",
+        "outside its bounds [-1, 1]",
+    ),
+    ({"cases": [{"name": "a", "parameters": {"m": 0}}]}, "/cases/0/parameters", "singular at the start"),
     ({"cases": [SOFT], "nominal": 1}, "/nominal", "bool"),
     ({"cases": [SOFT], "nominal": False, "objective": "nominal"}, "/objective", "is no plant here"),
     ({"cases": [SOFT], "objective": "best"}, "/objective", "'nominal', 'mean' or 'worst'"),
@@ -48,6 +53,9 @@ def test_faults(scenarios: Any, place: str, word: str) -> None:
     assert (PLACE + place) in [fault.pointer for fault in faults], faults
     assert word in next(fault.detail for fault in faults if fault.pointer == PLACE + place)
     assert all(fault.pointer.startswith(PLACE) for fault in faults)
+    # Whatever else is wrong, it is told as well.
+    others = faults_of(edited({PLACE: scenarios, "/problem/bounds/T": [5, -5]}))
+    assert {fault.pointer for fault in others} == {*(fault.pointer for fault in faults), "/problem/bounds/T"}
 
 
 def test_a_design_parameter_is_common() -> None:

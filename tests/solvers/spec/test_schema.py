@@ -66,7 +66,7 @@ def test_schema_accepts_the_example() -> None:
 
 def test_schema_sees_mistakes() -> None:
     schema = job_schema()
-    for key, value in (("name", 3), ("problem", []), ("metod", {}), ("method", {"name": "swcm", "J": "x"})):
+    for key, value in (("name", 3), ("problem", []), ("metod", {}), ("method", {"name": "swcm", "J": []})):
         assert list(mismatches(FLEXIBLE_SPACECRAFT | {key: value}, schema, schema)), key
 
 
