@@ -10,8 +10,9 @@ from solvers.formulation.plants import Plant
 from solvers.problem import OptimalControlProblem
 from solvers.progress import ProgressReport
 from solvers.session import Account
+from solvers.slope_fault import find_slope_fault
 from solvers.solution import PlantAnswer
-from solvers.spec import AutoMethod, JobSpec
+from solvers.spec import AutoMethod, JobSpec, ProblemSpec
 from solvers.status import SolveStatus
 from solvers.trajectory import Trajectory
 from solvers.verification.evaluation_fault import Where, find_evaluation_fault
@@ -91,9 +92,18 @@ def judge(
     return judged(
         status,
         flights,
-        lambda where: find_evaluation_fault(spec.problem, problem, trajectory, where),
+        lambda where: fault_along(spec.problem, problem, trajectory, where),
         sentences,
     )
+
+
+def fault_along(
+    spec: ProblemSpec, problem: OptimalControlProblem, trajectory: Trajectory, where: Where
+) -> Fault | None:
+    """The first expression that is at fault on this trajectory, or None."""
+    if where == "slopes":
+        return find_slope_fault(spec, problem, trajectory)
+    return find_evaluation_fault(spec, problem, trajectory, where)
 
 
 def judged(
@@ -104,12 +114,14 @@ def judged(
 ) -> tuple[SolveStatus, str]:
     """See :func:`judge`; ``flights`` with what stands before them in a message.
 
-    ``find_fault``: see :func:`find_evaluation_fault`.
+    ``find_fault``: see :func:`fault_along`.
     """
     near = None
     if status in _FAULTY:
         where = _FAULTY[status]
         fault = find_fault(where)
+        if fault is None and status is SolveStatus.EVALUATION_ERROR:
+            fault = find_fault("slopes")
         if fault is not None:
             status = SolveStatus.EVALUATION_ERROR
             return status, f"{status.sentence} {fault.pointer}: {fault.detail}"

@@ -46,5 +46,5 @@ _SENTENCES = {
         "method.refine: switching where controls jump between their bounds."
     ),
     SolveStatus.CANCELLED: "The solve was cancelled; this is the last iterate.",
-    SolveStatus.EVALUATION_ERROR: "An expression of the model has no finite value where it was needed.",
+    SolveStatus.EVALUATION_ERROR: "An expression has no finite value or slope where it was needed.",
 }

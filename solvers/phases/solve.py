@@ -15,7 +15,7 @@ from solvers.diagnosis import sentence
 from solvers.errors import Fault
 from solvers.formulation.time_knots import tables_that_end
 from solvers.improved import Improved
-from solvers.judgement import flown_in_time, judged, note_errors, sentences_of
+from solvers.judgement import fault_along, flown_in_time, judged, note_errors, sentences_of
 from solvers.model_report import model_report
 from solvers.optimizers.outcome import Limits
 from solvers.output.report import constraint_margins, margins_of, merged_margins, said_of_the_ends
@@ -33,7 +33,7 @@ from solvers.session import start_report, statistics_of
 from solvers.spec import JobSpec, ProblemSpec
 from solvers.start.earlier import other_phases
 from solvers.start.scaling import automatic_scaling
-from solvers.verification.evaluation_fault import Where, find_evaluation_fault
+from solvers.verification.evaluation_fault import Where
 from solvers.verification.verdict import Verification
 
 Vector = NDArray[np.float64]
@@ -169,7 +169,7 @@ def _certified(improved: Improved[PhasedSolved], verification: Verification) -> 
 
 def _evaluation_fault(problem: PhasedProblem, answer: PhasedTrajectory, where: Where) -> Fault | None:
     for phase, part in zip(problem.phases, answer.parts, strict=True):
-        fault = find_evaluation_fault(phase.spec, phase.plant.problem, part, where)
+        fault = fault_along(phase.spec, phase.plant.problem, part, where)
         if fault is not None:
             return replace(fault, pointer=phase.located(fault.pointer))
     return None

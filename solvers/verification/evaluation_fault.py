@@ -1,12 +1,16 @@
-"""Which expression of the document has no finite value, when a solve stumbles over one."""
+"""Which expression of the document has no finite value, when a solve stumbles over one.
+
+What has a value but no slope there is found by :mod:`solvers.slope_fault`.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import replace
-from typing import Literal
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+from typing import Any, Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
 from solvers.backends import NUMPY
 from solvers.errors import Fault
@@ -19,12 +23,16 @@ from solvers.spec import MechanicalModel, ProblemSpec
 from solvers.trajectory import Trajectory
 from solvers.verification.violations import dense
 
-Where = Literal["nodes", "tables", "ends"]
-"""Whether any expression has no finite value at a node; one that calls tables, be it between the nodes; or
-that comes near to the end of a table that has no values beyond, where a search does not get on."""
+Vector = NDArray[np.float64]
+
+Where = Literal["nodes", "slopes", "tables", "ends"]
+"""Whether any expression has no finite value at a node, or no finite slope; one that calls tables no value,
+be it between the nodes; or comes near to the end of a table without values, where searches do not get on."""
 
 # So near to an end of a table, as a part of its span.
 _NEAR = 0.01
+# Whether a value is at a corner is told by so many digits of what is larger than 1, else so many decimals.
+_DIGITS = 14
 
 
 def find_evaluation_fault(
@@ -34,30 +42,78 @@ def find_evaluation_fault(
     tau = trajectory.nodes if where == "nodes" else dense(trajectory.breakpoints)
     if where == "ends":
         problem = replace(problem, definitions=_shortened(problem))
-    times = trajectory.time(tau)
-    scope = problem.scope(
-        trajectory.states_at(tau),
-        trajectory.controls_at(tau),
-        times,
-        problem.parameters_of(trajectory),
-        NUMPY,
-    )
-    for pointer, expression in _along_the_trajectory(spec):
+    for place in places_of(spec, problem, trajectory, tau):
+        expression = place.expression
         if where != "nodes" and not expression.called:
             continue
         with np.errstate(all="ignore"):
-            values = np.broadcast_to(expression.evaluate(scope, NUMPY.functions), tau.shape)
+            values = np.broadcast_to(expression.evaluate(place.scope, NUMPY.functions), place.times.shape)
         bad = np.flatnonzero(~np.isfinite(values))
         if bad.size:
-            names = ", ".join(
-                f"{name} = {float(np.broadcast_to(scope[name], tau.shape)[bad[0]]):.6g}"
-                for name in sorted(expression.names - expression.called - set(problem.parameters))
-            )
             what = "has no finite value" if where != "ends" else "comes to the end of what it is made of"
-            detail = f"'{expression.text}' {what} at t = {times[bad[0]]:.6g}"
-            detail += "".join(_end_of(name, spec.tables()[name]) for name in sorted(expression.called))
-            return Fault(pointer, f"{detail} ({names})" if names else detail)
+            more = "".join(_end_of(name, spec.tables()[name]) for name in sorted(expression.called))
+            if place.names and not more:
+                more = f"; what helps is bounds that keep {' and '.join(place.names)} where it has one"
+            return Fault(place.pointer, f"'{expression.text}' {what} at {place.told(int(bad[0]))}{more}")
     return None
+
+
+@dataclass(frozen=True)
+class Place:
+    """An expression of the document, and the values of all that it may name at its K ``times``.
+
+    ``given``: the names of fixed numbers; ``ends``: whether it is said of the ends only.
+    """
+
+    pointer: str
+    expression: Expression
+    scope: Mapping[str, Any]
+    times: Vector
+    given: frozenset[str]
+    ends: bool = False
+
+    @property
+    def names(self) -> list[str]:
+        """What it names that may change along the way."""
+        return sorted(self.expression.names - self.expression.called - self.given)
+
+    @property
+    def values(self) -> Vector:
+        """Those of its names, (len(names), K), without the roundings with which they are read from nodes."""
+        rows = [np.broadcast_to(self.scope[name], self.times.shape) for name in self.names]
+        values = np.array(rows, np.float64).reshape(-1, self.times.size)
+        scale = np.maximum(1.0, np.abs(values).max(axis=1, keepdims=True))
+        return np.asarray(np.round(values / scale, _DIGITS) * scale, np.float64)
+
+    def told(self, index: int) -> str:
+        """The time, and the values of what is named, at one of the times."""
+        pairs = zip(self.names, self.values[:, index], strict=True)
+        values = ", ".join(f"{name} = {value:.6g}" for name, value in pairs)
+        return f"t = {self.times[index]:.6g}" + (f" ({values})" if values else "")
+
+
+def places_of(
+    spec: ProblemSpec, problem: OptimalControlProblem, trajectory: Trajectory, tau: Vector
+) -> Iterator[Place]:
+    """Every expression of the trajectory at normalised times (K,), then those of the ends."""
+    parameters = problem.parameters_of(trajectory)
+    given = frozenset(parameters) - {item.name for item in problem.design}
+
+    def at(tau: Vector) -> tuple[Vector, Vector, Vector]:
+        return trajectory.states_at(tau), trajectory.controls_at(tau), trajectory.time(tau)
+
+    along = at(tau)
+    scope = problem.scope(*along, parameters, NUMPY)
+    for pointer, expression in _along_the_trajectory(spec):
+        yield Place(pointer, expression, scope, along[-1], given)
+    first, last = at(np.zeros(1)), at(np.ones(1))
+    with np.errstate(all="ignore"):
+        unknown = [np.zeros(1)] * len(problem.integrals)
+        ends = problem.ends_scope(first, last, parameters, NUMPY, unknown)
+    integrals = {item.name for item in problem.integrals}
+    for pointer, expression in _at_the_ends(spec):
+        if expression.names <= ends.keys() - integrals:
+            yield Place(pointer, expression, ends, last[-1], given, ends=True)
 
 
 def _shortened(problem: OptimalControlProblem) -> dict[str, Formula]:
@@ -102,3 +158,11 @@ def _along_the_trajectory(spec: ProblemSpec) -> Iterator[tuple[str, Expression]]
         cost = getattr(spec.objective, key)
         if cost is not None:
             yield f"/problem/objective/{key}", parse(cost)
+
+
+def _at_the_ends(spec: ProblemSpec) -> Iterator[tuple[str, Expression]]:
+    """Every expression of both ends with its pointer."""
+    for index, constraint in enumerate(spec.boundary_constraints):
+        yield f"/problem/boundary_constraints/{index}/expression", parse(constraint.expression)
+    if spec.objective.terminal is not None:
+        yield "/problem/objective/terminal", parse(spec.objective.terminal)
