@@ -19,12 +19,12 @@ from solvers.arrays import kernel
 from solvers.arrays.compiled import CompiledKernel
 from solvers.bases.daubechies import DaubechiesBasis
 from solvers.catalogue import load_case
+from solvers.formulation.stated import stated_problem
 from solvers.genetic.fitness import Fitness
 from solvers.genetic.genome import Genome
 from solvers.genetic.model import ArrayModel
 from solvers.genetic.quadrature import QuadratureSimulator, find_chains
 from solvers.genetic.runge_kutta import RungeKuttaSimulator
-from solvers.problem import OptimalControlProblem
 from solvers.solve import solve
 from solvers.spec import check_document
 from solvers.start.scaling import automatic_scaling
@@ -47,7 +47,7 @@ def solved(case: str, **method: Any) -> dict[str, Any]:
 
 def fitness_of(case: str, basis: DaubechiesBasis, level: int) -> Fitness:
     """The fitness of a case, on the points of a level."""
-    problem = OptimalControlProblem.from_spec(check_document(load_case(case)).problem)
+    problem = stated_problem(check_document(load_case(case)).problem)
     model = ArrayModel(problem)
     genome = Genome(problem, automatic_scaling(problem), basis, problem.guess)
     chains = find_chains(model) if genome.fixed else None

@@ -11,7 +11,7 @@ name, and the backend to which the values belong.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Hashable, Iterable, Mapping, Sequence
+from collections.abc import Collection, Hashable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -20,11 +20,8 @@ from numpy.typing import NDArray
 
 from solvers.backends import NUMPY, Backend
 from solvers.expressions import Expression, parse, product, total
-from solvers.formulation.attitude import attitude_constraints, guessed_attitude
-from solvers.formulation.data_table import covered_times
 from solvers.formulation.dynamics import Dynamics, NodeScope
 from solvers.formulation.quantities import (
-    FREE,
     WHOLE_SPAN,
     Constraint,
     DesignParameter,
@@ -32,10 +29,8 @@ from solvers.formulation.quantities import (
     Interval,
     NamedQuantity,
 )
-from solvers.formulation.reading import constraints, control_ends, design_parameter, integrals, outputs
 from solvers.models import Formula
-from solvers.spec import ProblemSpec, bound_interval, definitions_of, final_intervals, initial_intervals
-from solvers.start.guess import Guess, Start, make_guess
+from solvers.start.guess import Guess, Start
 from solvers.trajectory import Trajectory
 
 Vector = NDArray[np.float64]
@@ -79,123 +74,6 @@ class OptimalControlProblem:
     design: tuple[DesignParameter, ...] = ()
     rated: tuple[str, ...] = ()
     peak_cost: Expression | None = None
-
-    @classmethod
-    def from_spec(cls, spec: ProblemSpec) -> OptimalControlProblem:
-        """Build the problem of a checked document."""
-        model = spec.model
-        values = model.parameter_values()
-        designed = {name: parse(model.parameters[name]) for name in model.depending_on(spec.design)}
-        parameters = {
-            name: value for name, value in values.items() if name not in designed.keys() | spec.design.keys()
-        }
-        design = tuple(design_parameter(name, item, values) for name, item in spec.design.items())
-        bounds = {name: bound_interval(bound, parameters) for name, bound in spec.bounds.items()}
-        initial, final = initial_intervals(spec), final_intervals(spec)
-        initial_time = bound_interval(spec.initial_time, parameters)
-        final_time = bound_interval(spec.final_time, parameters)
-        initial_state = tuple(initial[name] for name in model.states)
-        final_state = tuple(final[name] for name in model.states)
-        state_bounds = tuple(bounds.get(name, FREE) for name in model.states)
-        control_bounds = tuple(bounds.get(name, FREE) for name in model.controls)
-        problem = cls(
-            states=model.states,
-            controls=model.controls,
-            parameters=parameters,
-            dynamics=Dynamics.from_model(model),
-            # Tables first, for definitions may call them.
-            # What follows from a design parameter is worth what that is worth at the end.
-            definitions={
-                **spec.tables(),
-                **designed,
-                **definitions_of(spec.submitted_model, model),
-            },
-            initial_time=initial_time,
-            final_time=final_time,
-            initial_state=initial_state,
-            final_state=final_state,
-            state_bounds=state_bounds,
-            control_bounds=control_bounds,
-            path=constraints(spec, "path_constraints", parameters),
-            boundary=(
-                *constraints(spec, "boundary_constraints", parameters),
-                *attitude_constraints(spec, parameters),
-            ),
-            terminal_cost=None if spec.objective.terminal is None else parse(spec.objective.terminal),
-            running_cost=None if spec.objective.running is None else parse(spec.objective.running),
-            outputs=outputs(spec),
-            integrals=integrals(spec, parameters),
-            design=design,
-            peak_cost=None if spec.objective.maximum is None else parse(spec.objective.maximum),
-            initial_control=control_ends(spec.initial_control, model.controls, parameters),
-            final_control=control_ends(spec.final_control, model.controls, parameters),
-            guess=make_guess(
-                spec.guess,
-                model.states,
-                model.controls,
-                parameters,
-                times=(initial_time, final_time),
-                ends=(initial_state, guessed_attitude(spec, parameters, initial_state, final_state)),
-                bounds=(state_bounds, control_bounds),
-                design={item.name: item.guess for item in design},
-            ),
-        )
-        return problem.within_tables().with_rates(
-            {name: bound_interval(bound, parameters) for name, bound in spec.control_rates.items()}
-        )
-
-    def within_tables(self) -> OptimalControlProblem:
-        """The problem whose times are within the tables over time that end in an error.
-
-        As it was where no time is left: what is asked for outside of a table is then an error of its own.
-        """
-        whole = [item.expression for item in self.path if item.during == WHOLE_SPAN]
-        costs = [item for item in (self.running_cost, self.peak_cost) if item is not None]
-        along = [*self.dynamics.expressions, *whole, *(item.expression for item in self.integrals), *costs]
-        first, last = covered_times(along, self.definitions)
-        times = [
-            (max(lower, first), min(upper, last)) for lower, upper in (self.initial_time, self.final_time)
-        ]
-        if times == [self.initial_time, self.final_time] or any(lower > upper for lower, upper in times):
-            return self
-        guess = replace(
-            self.guess,
-            t0=float(np.clip(self.guess.t0, *times[0])),
-            tf=float(np.clip(self.guess.tf, *times[1])),
-        )
-        return replace(self, initial_time=times[0], final_time=times[1], guess=guess)
-
-    def with_rates(self, rates: Mapping[str, Interval]) -> OptimalControlProblem:
-        """The problem in which these controls are states, and their rates, within bounds, are controls."""
-        if not rates:
-            return self
-        index = [self.controls.index(name) for name in rates]
-
-        def swapped(old: tuple[Any, ...], new: Callable[[str], Any]) -> tuple[Any, ...]:
-            return tuple(
-                new(name) if name in rates else item for name, item in zip(self.controls, old, strict=True)
-            )
-
-        def moved(items: tuple[Any, ...]) -> tuple[Any, ...]:
-            return tuple(items[j] for j in index)
-
-        rate_names = {name: f"{name}_dot" for name in rates}
-        integrators = {name: parse(rate) for name, rate in rate_names.items()}
-        dynamics = self.dynamics
-        return replace(
-            self,
-            states=(*self.states, *rates),
-            controls=swapped(self.controls, rate_names.__getitem__),
-            dynamics=replace(dynamics, first_order={**dynamics.first_order, **integrators}),
-            initial_state=(*self.initial_state, *moved(self.initial_control)),
-            final_state=(*self.final_state, *moved(self.final_control)),
-            state_bounds=(*self.state_bounds, *moved(self.control_bounds)),
-            control_bounds=swapped(self.control_bounds, rates.__getitem__),
-            initial_control=swapped(self.initial_control, lambda _: FREE),
-            final_control=swapped(self.final_control, lambda _: FREE),
-            guess=self.guess.with_rates(index),
-            rated=tuple(rates),
-        )
 
     def bound_pointer(self, name: str) -> str:
         """The place in the document where the bounds of a state or control stand."""

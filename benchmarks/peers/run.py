@@ -26,6 +26,7 @@ import problems
 from solvers.backends import NUMPY
 from solvers.catalogue import load_case
 from solvers.curves import LinearCurve
+from solvers.formulation.stated import stated_problem
 from solvers.problem import OptimalControlProblem
 from solvers.spec import check_document
 from solvers.trajectory import Trajectory
@@ -181,7 +182,7 @@ def row(peer: Peer, result: dict[str, Any] | str, problem: OptimalControlProblem
 def table(case: str, peers: list[Peer], points: int) -> None:
     """Print the table of one case, row by row."""
     document = load_case(case)
-    problem = OptimalControlProblem.from_spec(check_document(document).problem)
+    problem = stated_problem(check_document(document).problem)
     check_same(case, problem)
     reference = document["reference"]["objective"]
     print(f"\n### {case}, N = {points}\n\nReference: {reference}\n")

@@ -18,6 +18,7 @@ from solvers.formulation.plant_objectives import (
 )
 from solvers.formulation.plants import Plant, PlantPart, together
 from solvers.formulation.polar import in_polar
+from solvers.formulation.stated import stated_problem
 from solvers.formulation.time_knots import corner_warnings
 from solvers.formulation.two_sided import sides_of
 from solvers.problem import OptimalControlProblem
@@ -66,15 +67,12 @@ def formulate(spec: ProblemSpec, tolerance: float = 0.0) -> Formulation:
     ``tolerance``: the relative error of a final state that the verification allows.
     """
     if spec.scenarios is None:
-        problem = OptimalControlProblem.from_spec(spec)
+        problem = stated_problem(spec)
         whole = with_peak(problem)
         smooth, pairs = in_polar(whole)
         solved = lifted(smooth, split=True)
         return Formulation(solved, whole, (Plant("", problem, made=(*pairs, *sides_of(solved))),))
-    parts = [
-        PlantPart.of(case.name, OptimalControlProblem.from_spec(case.spec), case.parameters)
-        for case in cases_of(spec)
-    ]
+    parts = [PlantPart.of(case.name, stated_problem(case.spec), case.parameters) for case in cases_of(spec)]
     whole = _chosen(together(parts), parts, spec.scenarios.choice)
     problem, implied = relaxed_ends(whole, [part.problem.states for part in parts], tolerance)
     plants = tuple(part.plant.with_implied(implied, implied_limit(tolerance)) for part in parts)

@@ -16,6 +16,7 @@ from solvers.formulation.plants import Plant
 from solvers.formulation.quantities import FREE, Interval, Total
 from solvers.formulation.reading import constraints, integrals
 from solvers.formulation.scenarios import cases_of
+from solvers.formulation.stated import stated_problem, within_tables
 from solvers.phases.guess import chained_guesses, histories, nodes_by_phase, phase_times
 from solvers.phases.problem import Link, Phase, PhasedProblem, start_after
 from solvers.problem import End, OptimalControlProblem
@@ -102,7 +103,7 @@ def _phase(spec: ProblemSpec, view: PhaseView, fields: Mapping[str, Any], times:
         "links": [],
     }
     alone = spec.changed(**own)
-    problem = OptimalControlProblem.from_spec(alone)
+    problem = stated_problem(alone)
     common = None if view.has_own_model else spec.objective.running
     costs = [parse(cost) for cost in (common, objective.running) if cost is not None]
     own_start = view.index == 0 or view.phase.get("initial_time") is not None
@@ -112,7 +113,8 @@ def _phase(spec: ProblemSpec, view: PhaseView, fields: Mapping[str, Any], times:
         running_cost=total(costs) if costs else None,
         # A later phase begins when the one before ends, which the document may say.
         initial_time=begin if own_start or begin[0] == begin[1] else FREE,
-    ).within_tables()
+    )
+    problem = within_tables(problem)
     return Phase(view, alone, problem, Plant(view.phase["name"], problem))
 
 

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from solvers.formulation.stated import stated_problem
 from solvers.piecewise.pieces import Pieces
 from solvers.piecewise.plant import Plant
 from solvers.piecewise.stop import StopWatch
@@ -30,7 +31,7 @@ def verify_again(
 
     Raises KeyError, ValueError or TypeError where the result is not one of a mission.
     """
-    problem = OptimalControlProblem.from_spec(spec)
+    problem = stated_problem(spec)
     plant = Plant.of(spec, method.plant, problem)
     flown, names = result["plant"], plant.equations.held_names
     states = np.array([flown["states"][name] for name in plant.equations.states], np.float64)

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from solvers.backends import NUMPY
+from solvers.formulation.stated import stated_problem
 from solvers.piecewise.gains import Weights
 from solvers.piecewise.plan import Plan, actuator_limits
 from solvers.piecewise.simple import SimpleModel
@@ -39,7 +40,7 @@ class Setup:
     def of(cls, spec: JobSpec) -> Setup:
         """The setup of a checked document with this method."""
         assert isinstance(spec.method, PiecewiseMethod)
-        return cls(spec, OptimalControlProblem.from_spec(spec.problem), spec.method)
+        return cls(spec, stated_problem(spec.problem), spec.method)
 
     @cached_property
     def model(self) -> SimpleModel:

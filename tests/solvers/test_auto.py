@@ -11,11 +11,11 @@ import pytest
 
 from solvers.catalogue import case_names, load_case
 from solvers.formulation.plants import Plant
+from solvers.formulation.stated import stated_problem
 from solvers.improve import improvements
 from solvers.improved import Improved
 from solvers.meshes import meshes_of
 from solvers.optimizers.outcome import Limits
-from solvers.problem import OptimalControlProblem
 from solvers.progress import SilentProgress
 from solvers.reach import best_flown, shortfall
 from solvers.session import Session
@@ -81,7 +81,7 @@ def test_the_answer_is_the_first_that_is_verified_else_the_best_one(
     flexible_spacecraft: dict[str, Any],
 ) -> None:
     """The slew takes 25.866100388133 in four arcs; splines miss the target by 1e-3 and less."""
-    problem = OptimalControlProblem.from_spec(check_document(flexible_spacecraft).problem)
+    problem = stated_problem(check_document(flexible_spacecraft).problem)
     limits = Limits(time.monotonic() + 60, lambda: False)
     scaling, plant = automatic_scaling(problem), Plant("", problem)
     session = Session(

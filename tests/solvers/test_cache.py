@@ -12,8 +12,8 @@ import pytest
 
 from solvers.bases.graded import GradedKnots
 from solvers.cache import STRUCTURES, StructureCache
+from solvers.formulation.stated import stated_problem
 from solvers.optimizers.outcome import Limits
-from solvers.problem import OptimalControlProblem
 from solvers.progress import SilentProgress
 from solvers.session import Session
 from solvers.solution import Solution
@@ -43,7 +43,7 @@ def answer(
     document: dict[str, Any], method: str = "swcm", level: int = 2, **options: Any
 ) -> tuple[float, int]:
     """Objective and iterations of one mesh, without verification."""
-    problem = OptimalControlProblem.from_spec(check_document(document).problem)
+    problem = stated_problem(check_document(document).problem)
     scaling = automatic_scaling(problem)
     common = problem, scaling, problem.guess
     transcription: Transcription

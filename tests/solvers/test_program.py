@@ -11,7 +11,7 @@ import pytest
 from solvers.bases.daubechies import DaubechiesBasis
 from solvers.bases.graded import GradedKnots
 from solvers.derivatives import CompiledProgram, compile_program
-from solvers.problem import OptimalControlProblem
+from solvers.formulation.stated import stated_problem
 from solvers.program import NonlinearProgram
 from solvers.spec import check_document
 from solvers.start.scaling import automatic_scaling
@@ -23,7 +23,7 @@ from solvers.transcription.spline_wavelet import SplineWavelet
 
 
 def transcribe(name: str, document: dict[str, Any]) -> Transcription:
-    problem = OptimalControlProblem.from_spec(check_document(document).problem)
+    problem = stated_problem(check_document(document).problem)
     common = (problem, automatic_scaling(problem), problem.guess)
     match name:
         case "swcm":

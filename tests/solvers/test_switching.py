@@ -8,14 +8,14 @@ import numpy as np
 import pytest
 
 from solvers.curves import LinearCurve
-from solvers.problem import OptimalControlProblem
+from solvers.formulation.stated import stated_problem
 from solvers.spec import check_document
 from solvers.switching import find_switching
 from solvers.trajectory import Trajectory
 
 
 def found(document: dict[str, Any], tau: np.ndarray, values: np.ndarray) -> dict[str, Any]:
-    problem = OptimalControlProblem.from_spec(check_document(document).problem)
+    problem = stated_problem(check_document(document).problem)
     control = LinearCurve(tau, values)
     return find_switching(problem, Trajectory(1.0, 3.0, {}, {"u": control}, "linear", {}, tau, tau))
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from solvers.arrays.rates import Rates
-from solvers.problem import OptimalControlProblem
+from solvers.formulation.stated import stated_problem
 from solvers.spec import check_document
 
 K = 7
@@ -26,7 +26,7 @@ def rates_of(model: dict[str, Any], running: str) -> np.ndarray:
             "objective": {"running": running},
         },
     }
-    problem = OptimalControlProblem.from_spec(check_document(document).problem)
+    problem = stated_problem(check_document(document).problem)
     rates = Rates(problem, problem.parameters, [None, problem.running_cost])
     # Twice: what is kept from one call must not show in the next.
     rates(np.ones((4, K)), np.ones((1, K)), np.ones(K))

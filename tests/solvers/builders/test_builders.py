@@ -31,6 +31,7 @@ from solvers.builders import (
     state_space_outputs,
 )
 from solvers.errors import DocumentError, ExpressionError
+from solvers.formulation.stated import stated_problem
 from solvers.problem import OptimalControlProblem
 from solvers.spec import JobSpec, ProblemSpec, check_document
 from tests.bad_documents import FLEXIBLE_SPACECRAFT
@@ -45,7 +46,7 @@ def slew(model: dict[str, Any], **others: Any) -> Problem:
 
 
 def problem_of(document: dict[str, Any]) -> OptimalControlProblem:
-    return OptimalControlProblem.from_spec(check_document(document).problem)
+    return stated_problem(check_document(document).problem)
 
 
 def rates(document: dict[str, Any], x: Vector, u: Vector, t: Vector) -> Vector:

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from solvers.derivatives import compile_program
-from solvers.problem import OptimalControlProblem
+from solvers.formulation.stated import stated_problem
 from solvers.sizes import problem_size
 from solvers.solve import solve
 from solvers.spec import check_document
@@ -181,7 +181,7 @@ def test_a_control_of_an_earlier_answer_starts_the_state() -> None:
     for key in ("control_rates", "initial_control", "final_control"):
         del plain["problem"][key]
     earlier = solve(check_document({**plain, "method": {"name": "swcm"}})).trajectory
-    problem = OptimalControlProblem.from_spec(check_document(document).problem)
+    problem = stated_problem(check_document(document).problem)
     start = WarmStart(earlier, problem.guess, problem.states, problem.controls)
     tau = np.array([0.1, 0.9])
     assert start.states_at(tau)[2] == pytest.approx([1, -1])

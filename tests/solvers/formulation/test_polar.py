@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from solvers.formulation.polar import in_polar
+from solvers.formulation.stated import stated_problem
 from solvers.problem import OptimalControlProblem
 from solvers.solution import Solution
 from solvers.solve import solve
@@ -33,7 +34,7 @@ PUSHED: dict[str, Any] = {
 
 
 def problem_of(document: dict[str, Any]) -> OptimalControlProblem:
-    return OptimalControlProblem.from_spec(check_document(document).problem)
+    return stated_problem(check_document(document).problem)
 
 
 def test_a_push_a_coast_and_a_stop() -> None:

@@ -14,6 +14,7 @@ from solvers.arrays.structure import depends_on
 from solvers.backends import NUMPY
 from solvers.bases.daubechies import DaubechiesBasis
 from solvers.catalogue import load_case
+from solvers.formulation.stated import stated_problem
 from solvers.genetic.fitness import Fitness
 from solvers.genetic.genome import Genome
 from solvers.genetic.model import ArrayModel
@@ -21,13 +22,12 @@ from solvers.genetic.quadrature import QuadratureSimulator, find_chains
 from solvers.genetic.runge_kutta import RungeKuttaSimulator
 from solvers.genetic.simulators import simulator_of
 from solvers.genetic.stage import Stages
-from solvers.problem import OptimalControlProblem
 from solvers.spec import GeneticMethod, check_document
 from solvers.start.scaling import automatic_scaling
 
 
 def model_of(document: dict[str, Any]) -> ArrayModel:
-    return ArrayModel(OptimalControlProblem.from_spec(check_document(document).problem))
+    return ArrayModel(stated_problem(check_document(document).problem))
 
 
 def genome_of(model: ArrayModel, basis: DaubechiesBasis) -> Genome:

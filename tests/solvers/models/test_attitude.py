@@ -17,7 +17,7 @@ from scipy.spatial.transform import Rotation
 from solvers.backends import NUMPY
 from solvers.catalogue import load_case
 from solvers.errors import DocumentError
-from solvers.problem import OptimalControlProblem
+from solvers.formulation.stated import stated_problem
 from solvers.solution import Solution
 from solvers.solve import solve
 from solvers.spec import check_document
@@ -58,7 +58,7 @@ def answer(given: dict[str, Any]) -> Any:
 
 
 def rates_of(given: dict[str, Any]) -> Any:
-    problem = OptimalControlProblem.from_spec(check_document(given).problem)
+    problem = stated_problem(check_document(given).problem)
 
     def rate(t: float, x: Vector, torque: Vector) -> Vector:
         return np.array(problem.rate(x, torque, t, problem.parameters, NUMPY), np.float64)

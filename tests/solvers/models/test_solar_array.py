@@ -13,6 +13,7 @@ from scipy.optimize import root
 
 from solvers.backends import NUMPY
 from solvers.catalogue import load_case
+from solvers.formulation.stated import stated_problem
 from solvers.problem import OptimalControlProblem
 from solvers.solve import solve
 from solvers.spec import check_document
@@ -30,7 +31,7 @@ EXTREMALS = {
 
 @pytest.fixture(scope="module")
 def problem() -> OptimalControlProblem:
-    return OptimalControlProblem.from_spec(check_document(load_case("solar_array_1")).problem)
+    return stated_problem(check_document(load_case("solar_array_1")).problem)
 
 
 def turning(problem: OptimalControlProblem, hinges: Vector) -> Vector:
@@ -77,7 +78,7 @@ def test_angular_momentum_from_positions_stays_zero(problem: OptimalControlProbl
 def test_a_mass_that_is_overridden_enters_the_couplings() -> None:
     document = load_case("solar_array_1")
     document["problem"]["model"]["parameters"] = {"m1": 1e9}
-    heavy = OptimalControlProblem.from_spec(check_document(document).problem)
+    heavy = stated_problem(check_document(document).problem)
     assert heavy.parameters["G44"] == pytest.approx(10 / 4, rel=1e-6)  # no recoil of the spacecraft
 
 
@@ -85,7 +86,7 @@ def test_a_mass_that_is_overridden_enters_the_couplings() -> None:
 def test_reference_is_an_extremal(problem: OptimalControlProblem, name: str) -> None:
     """Shoot 2 u' = p (Jb' - Jb) u, |u| constant, from the table's start: the target is met, J = 5 |u|^2."""
     case = load_case(f"solar_array_{name}")
-    target = OptimalControlProblem.from_spec(check_document(case).problem)
+    target = stated_problem(check_document(case).problem)
 
     def rate(t: float, y: Vector, p: float) -> Vector:
         th, u = y[1:4], y[4:]

@@ -10,10 +10,10 @@ import pytest
 
 from solvers.catalogue import load_case
 from solvers.curves import LinearCurve
+from solvers.formulation.stated import stated_problem
 from solvers.optimizers.ipopt import Ipopt
 from solvers.optimizers.newton import Newton
 from solvers.optimizers.outcome import Limits, Outcome
-from solvers.problem import OptimalControlProblem
 from solvers.progress import SilentProgress
 from solvers.refine.arcs import Arcs
 from solvers.refine.structure import Structure
@@ -29,7 +29,7 @@ LIMITS = Limits(math.inf, lambda: False)
 
 def arcs(document: dict[str, Any], edges: list[float], levels: list[float], tf: float) -> MultiArc:
     """The multi-arc problem of a document, from straight lines between its ends."""
-    problem = OptimalControlProblem.from_spec(check_document(document).problem)
+    problem = stated_problem(check_document(document).problem)
     part = Part(problem, automatic_scaling(problem))
     tau, (control,) = np.array([0.0, 1.0]), problem.controls
     states = {

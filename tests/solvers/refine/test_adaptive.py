@@ -13,9 +13,9 @@ import pytest
 from scipy.optimize import brentq
 
 from solvers.catalogue import load_case
+from solvers.formulation.stated import stated_problem
 from solvers.meshes import adaptive_mesh_of
 from solvers.optimizers.outcome import Limits
-from solvers.problem import OptimalControlProblem
 from solvers.progress import SilentProgress
 from solvers.refine.adaptive import adapt
 from solvers.session import Session
@@ -337,7 +337,7 @@ def test_an_answer_that_is_stopped_is_the_best_mesh_so_far(session: Session) -> 
 
 @pytest.fixture
 def session() -> Session:
-    problem = OptimalControlProblem.from_spec(check_document(load_case("rigid_body")).problem)
+    problem = stated_problem(check_document(load_case("rigid_body")).problem)
     progress = SilentProgress()
     return Session(
         problem=problem,

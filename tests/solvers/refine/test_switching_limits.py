@@ -12,9 +12,9 @@ from scipy.optimize import brentq
 
 from solvers.bases.graded import GradedKnots
 from solvers.catalogue import load_case
+from solvers.formulation.stated import stated_problem
 from solvers.limits import limits_of
 from solvers.optimizers.outcome import Limits
-from solvers.problem import OptimalControlProblem
 from solvers.progress import SilentProgress
 from solvers.refine.search import LOOKS, Search
 from solvers.refine.structure import Structure
@@ -166,7 +166,7 @@ def test_a_limit_is_left_where_its_multiplier_has_the_wrong_sign() -> None:
             "objective": {"running": "-(cos(2*pi*t) + 0.5)*v"},
         }
     }
-    problem = OptimalControlProblem.from_spec(check_document(document).problem)
+    problem = stated_problem(check_document(document).problem)
     limits = Limits(time.monotonic() + 60.0, SilentProgress().cancelled)
     session = Session(
         problem=problem,

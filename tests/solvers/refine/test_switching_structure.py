@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from solvers.curves import LinearCurve
+from solvers.formulation.stated import stated_problem
 from solvers.limits import Limit, limits_of
 from solvers.problem import OptimalControlProblem
 from solvers.refine.detection import active_stretches, find_structure
@@ -24,7 +25,7 @@ NAN = np.nan
 @pytest.fixture
 def problem(rigid_body: dict[str, Any]) -> OptimalControlProblem:
     rigid_body["problem"]["bounds"] = {"u": [-1, 1], "x": [None, 1], "x_dot": [-2, 0.5]}
-    return OptimalControlProblem.from_spec(check_document(rigid_body).problem)
+    return stated_problem(check_document(rigid_body).problem)
 
 
 def trajectory(tau: np.ndarray, x: np.ndarray, v: np.ndarray, u: np.ndarray) -> Trajectory:
@@ -60,7 +61,7 @@ def test_limits_and_their_orders(problem: OptimalControlProblem) -> None:
 
 def test_a_limit_that_no_control_moves_has_no_order(regulator: dict[str, Any]) -> None:
     regulator["problem"]["path_constraints"] = [{"expression": "t", "bounds": [None, 5]}]
-    problem = OptimalControlProblem.from_spec(check_document(regulator).problem)
+    problem = stated_problem(check_document(regulator).problem)
     (limit,) = limits_of(problem)
     assert limit_rates(problem, limit) is None
 
@@ -163,7 +164,7 @@ def test_no_costates_are_asked_for_where_every_control_rests_on_a_bound(
 def test_the_first_mesh_follows_the_fastest_motion(oscillator: dict[str, Any]) -> None:
     """x'' + x = u over T: more nodes for a longer arc, then more segments."""
     oscillator["problem"]["bounds"] = {"u": [-1, 1]}
-    problem = OptimalControlProblem.from_spec(check_document(oscillator).problem)
+    problem = stated_problem(check_document(oscillator).problem)
     tau = np.linspace(0, 1, 3)
 
     def nodes(duration: float) -> ArcMesh:

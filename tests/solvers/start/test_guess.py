@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from solvers.errors import DocumentError
-from solvers.problem import OptimalControlProblem
+from solvers.formulation.stated import stated_problem
 from solvers.solve import solve
 from solvers.spec import check_document
 from solvers.start.guess import Guess
@@ -18,7 +18,7 @@ ENDS = np.array([0.0, 1.0])
 
 def guess_of(document: dict[str, Any], **changes: Any) -> Guess:
     document["problem"] |= changes
-    return OptimalControlProblem.from_spec(check_document(document).problem).guess
+    return stated_problem(check_document(document).problem).guess
 
 
 @pytest.mark.parametrize(

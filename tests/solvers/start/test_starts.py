@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from solvers.problem import OptimalControlProblem
+from solvers.formulation.stated import stated_problem
 from solvers.solve import solve
 from solvers.spec import check_document
 from solvers.start.scaling import automatic_scaling
@@ -30,7 +30,7 @@ TWO_ENDS: dict[str, Any] = {
 
 
 def test_starts_are_the_same_every_time_and_respect_bounds(flexible_spacecraft: dict[str, Any]) -> None:
-    problem = OptimalControlProblem.from_spec(check_document(flexible_spacecraft).problem)
+    problem = stated_problem(check_document(flexible_spacecraft).problem)
     scaling = automatic_scaling(problem)
     tau = np.linspace(0, 1, 41)
     first, again = (several_starts(problem, scaling, 9) for _ in range(2))

@@ -15,8 +15,8 @@ from solvers.backends import NUMPY
 from solvers.bases.daubechies import DaubechiesBasis
 from solvers.catalogue import load_case
 from solvers.coefficients import encode
+from solvers.formulation.stated import stated_problem
 from solvers.optimizers.outcome import Limits
-from solvers.problem import OptimalControlProblem
 from solvers.progress import SilentProgress
 from solvers.session import Session
 from solvers.solved import Solved
@@ -29,7 +29,7 @@ OPTIMA = runpy.run_path(str(Path(__file__).parents[3] / "benchmarks" / "solar_ar
 
 
 def solved(document: dict[str, Any], basis: DaubechiesBasis, level: int) -> Solved:
-    problem = OptimalControlProblem.from_spec(check_document(document).problem)
+    problem = stated_problem(check_document(document).problem)
     scaling = automatic_scaling(problem)
     limits = Limits(time.monotonic() + 60, lambda: False)
     session = Session(
@@ -60,7 +60,7 @@ def test_the_end_is_met_by_an_independent_integration_of_the_exact_basis() -> No
         list(encode(trajectory.basis, trajectory.states, trajectory.controls)["controls"].values())
     )
     assert answer.objective == pytest.approx(float(np.sum(coefficients**2)), rel=1e-12)
-    basis, problem = DaubechiesBasis(2, 5), OptimalControlProblem.from_spec(check_document(case).problem)
+    basis, problem = DaubechiesBasis(2, 5), stated_problem(check_document(case).problem)
     hinges = 5 * coefficients @ basis.integrals(9)
     np.testing.assert_allclose(hinges[:, -1], [np.pi / 2, np.pi, np.pi], atol=1e-9)
     middles = (hinges[:, 1:] + hinges[:, :-1]) / 2

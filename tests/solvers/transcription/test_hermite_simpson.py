@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from solvers.formulation.stated import stated_problem
 from solvers.optimizers.outcome import Limits
-from solvers.problem import OptimalControlProblem
 from solvers.progress import SilentProgress
 from solvers.session import Session
 from solvers.solved import Solved
@@ -20,7 +20,7 @@ from solvers.transcription.hermite_simpson import HermiteSimpson
 
 def solved(document: dict[str, Any], *, within: bool) -> Solved:
     """A document on seven intervals."""
-    problem = OptimalControlProblem.from_spec(check_document(document).problem)
+    problem = stated_problem(check_document(document).problem)
     session = Session(
         problem=problem,
         scaling=automatic_scaling(problem),

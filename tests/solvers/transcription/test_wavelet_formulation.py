@@ -12,9 +12,9 @@ from scipy import sparse
 
 from solvers.bases.graded import GradedKnots
 from solvers.bases.spline_wavelet import SplineWaveletBasis
+from solvers.formulation.stated import stated_problem
 from solvers.optimizers.ipopt import Ipopt
 from solvers.optimizers.outcome import Limits, Outcome
-from solvers.problem import OptimalControlProblem
 from solvers.program import NonlinearProgram
 from solvers.spec import check_document
 from solvers.start.scaling import automatic_scaling
@@ -54,7 +54,7 @@ def in_other_unknowns(
 
 @pytest.mark.parametrize("J", [1, 2])
 def test_both_formulations_have_the_same_optimum(flexible_spacecraft: dict[str, Any], J: int) -> None:
-    problem = OptimalControlProblem.from_spec(check_document(flexible_spacecraft).problem)
+    problem = stated_problem(check_document(flexible_spacecraft).problem)
     transcription = SplineWavelet(
         problem, automatic_scaling(problem), problem.guess, GradedKnots.uniform(8, J)
     )

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from solvers.curves import LagrangeCurve, LinearCurve
+from solvers.formulation.stated import stated_problem
 from solvers.problem import OptimalControlProblem
 from solvers.solve import solve
 from solvers.spec import check_document
@@ -52,7 +53,7 @@ def rest_to_rest(problem: OptimalControlProblem, push: float = 1.0) -> Trajector
 
 @pytest.fixture
 def problem(rigid_body: dict[str, Any]) -> OptimalControlProblem:
-    return OptimalControlProblem.from_spec(check_document(rigid_body).problem)
+    return stated_problem(check_document(rigid_body).problem)
 
 
 def test_the_exact_answer_passes_with_rounding_errors_only(problem: OptimalControlProblem) -> None:
@@ -71,7 +72,7 @@ def test_a_flight_near_what_was_promised_is_as_exact_as_one_that_is_integrated_a
 ) -> None:
     """The promised states are off by what slopes make good; the integral of x^2 is 1/20 + 43/60."""
     rigid_body["problem"]["objective"] = {"running": "x^2"}
-    problem = OptimalControlProblem.from_spec(check_document(rigid_body).problem)
+    problem = stated_problem(check_document(rigid_body).problem)
     exact = rest_to_rest(problem)
     model = ControlledModel(problem, exact, np.ones(2), np.inf)
     promised = exact.states_at(model.breakpoints)
@@ -138,7 +139,7 @@ def test_path_and_state_bounds_are_checked_between_nodes(rigid_body: dict[str, A
     """The velocity reaches 1 in the middle only."""
     rigid_body["problem"]["bounds"]["x_dot"] = [None, 0.8]
     rigid_body["problem"]["path_constraints"] = [{"expression": "x_dot + x", "bounds": [None, 1.2]}]
-    problem = OptimalControlProblem.from_spec(check_document(rigid_body).problem)
+    problem = stated_problem(check_document(rigid_body).problem)
     verification = checked(problem, rest_to_rest(problem))
     assert verification.max_bound_violation == pytest.approx(0.2)
     assert verification.max_path_violation == pytest.approx(0.3 / 1.5, rel=1e-2)
@@ -183,5 +184,5 @@ def test_out_of_time_is_a_failed_check_and_not_a_zero(problem: OptimalControlPro
 
 def test_a_constraint_without_a_value_is_not_a_constraint_that_holds(rigid_body: dict[str, Any]) -> None:
     rigid_body["problem"]["path_constraints"] = [{"expression": "sqrt(x - 0.5)", "bounds": [None, 5]}]
-    problem = OptimalControlProblem.from_spec(check_document(rigid_body).problem)
+    problem = stated_problem(check_document(rigid_body).problem)
     assert failed(checked(problem, rest_to_rest(problem))) == {"path"}
