@@ -95,6 +95,13 @@ def one_line(text: str) -> str:
     return "".join(char if char.isprintable() else char.encode("unicode_escape").decode() for char in text)
 
 
+def cell(text: str) -> str:
+    """``text`` of others as it stands in a table: neither markup nor commands to a terminal."""
+    from rich.markup import escape
+
+    return escape(one_line(text))
+
+
 def write_output(data: bytes, target: Path | None) -> None:
     """Write to a file, or to stdout without one; ends with 3 when it cannot be written."""
     if target is None:

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from app.cli.common import ExitCode, tables, to_json
+from app.cli.common import ExitCode, cell, tables, to_json
 from app.cli.keys import broker_or_embedded, data_option
 from app.cli.service import broker_option, load
 
@@ -29,12 +29,11 @@ def doctor(broker: str | None, data: Path | None, as_json: bool) -> None:
     if as_json:
         click.echo(to_json([asdict(finding) for finding in findings]), nl=False)
     else:
-        from rich.markup import escape
         from rich.table import Table
 
         table = Table("what", "verdict", "detail")
         for finding in findings:
-            table.add_row(finding.what, finding.verdict, escape(finding.detail))
+            table.add_row(finding.what, finding.verdict, cell(finding.detail))
         tables().print(table)
     if any(finding.verdict == "error" for finding in findings):
         raise SystemExit(ExitCode.NOT_SOLVED)

@@ -9,7 +9,17 @@ from typing import TYPE_CHECKING, Any, Literal, cast
 
 import click
 
-from app.cli.common import ExitCode, describe, fail, one_line, progress_bar, tables, to_json, write_output
+from app.cli.common import (
+    ExitCode,
+    cell,
+    describe,
+    fail,
+    one_line,
+    progress_bar,
+    tables,
+    to_json,
+    write_output,
+)
 from app.cli.documents import read_document
 from app.cli.targets import draw, output_option, plot_option
 
@@ -168,11 +178,10 @@ def list_jobs(
     if as_json:
         sys.stdout.buffer.write(to_json(jobs))
         return
-    from rich.markup import escape
     from rich.table import Table
 
     table = Table("id", "status", "method", "created", "name")
     table.columns[0].no_wrap = True
     for job in jobs:
-        table.add_row(job["id"], job["status"], job["method"], job["created_at"], escape(job["name"] or ""))
+        table.add_row(job["id"], job["status"], job["method"], job["created_at"], cell(job["name"] or ""))
     tables().print(table)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from app.cli.common import ExitCode, fail, tables, to_json
+from app.cli.common import ExitCode, cell, fail, tables, to_json
 from app.cli.service import broker_option, load
 
 if TYPE_CHECKING:
@@ -94,7 +94,6 @@ def create(
 @data_option
 def list_keys(as_json: bool, broker: str | None, data: Path | None) -> None:
     """List all keys, without their secrets."""
-    from rich.markup import escape
     from rich.table import Table
 
     from worker.records import timestamp
@@ -122,7 +121,7 @@ def list_keys(as_json: bool, broker: str | None, data: Path | None) -> None:
         state = "valid" if row["valid"] else "expired" if record.revoked_at is None else "revoked"
         table.add_row(
             record.id,
-            escape(record.name),
+            cell(record.name),
             record.project,
             " ".join(sorted(record.scopes)),
             str(row["created_at"]),

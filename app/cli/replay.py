@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from app.cli.common import ExitCode, fail, one_line, tables
+from app.cli.common import ExitCode, cell, fail, one_line, tables
 
 if TYPE_CHECKING:
     from solvers.output.bundle import Bundle
@@ -57,7 +57,6 @@ def _replay_answer(bundle: Bundle) -> None:
 
 
 def _replay_flights(bundle: Bundle) -> None:
-    from rich.markup import escape
     from rich.table import Table
 
     from solvers.flights.again import AGREEMENT, flights_again
@@ -65,7 +64,7 @@ def _replay_flights(bundle: Bundle) -> None:
     differences = flights_again(bundle)
     table = Table("column", "largest difference")
     for name, difference in differences.items():
-        table.add_row(escape(name), f"{difference:.3g}")
+        table.add_row(cell(name), f"{difference:.3g}")
     tables().print(table)
     differing = [name for name, difference in differences.items() if difference > AGREEMENT]
     if differing:

@@ -73,13 +73,13 @@ def test_a_job_is_cancelled(tmp_path: Path) -> None:
 
 
 def test_jobs_are_listed_as_a_table_and_as_json(tmp_path: Path) -> None:
-    named = changed("/name", "[bold]not markup[/bold]")
+    named = changed("/name", "[bold]not markup[/bold]\x1b[31m")
     job = submitted(tmp_path, named)
     assert ondelette("watch", job).exit_code == 0
     table = ondelette("list", "--limit", "5")
     assert table.exit_code == 0
     assert job in table.stdout
-    assert "[bold]not markup[/bold]" in table.stdout
+    assert r"[bold]not markup[/bold]\x1b[31m" in table.stdout
     listed = json.loads(ondelette("list", "--json", "--status", "succeeded", "--limit", "1").stdout)
     assert [entry["id"] for entry in listed] == [job]
 

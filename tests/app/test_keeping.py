@@ -7,13 +7,20 @@ from typing import Any
 
 import httpx
 import pytest
+from redis import Redis
 
+from app.main import create_app
+from app.settings import Settings
 from solvers.solve import solve
 from solvers.spec import check_document
+from tests.acceptance.conftest import wait_until
+from tests.app.conftest import served
 from tests.problems import problem
 from worker.outcome import Outcome, of_solution
+from worker.priorities import queue_of
 from worker.queue import JobQueue
-from worker.records import JobStatus
+from worker.records import JobStatus, Priority
+from worker.settings import QueueSettings
 from worker.store import JobStore
 
 Make = Callable[..., str]
@@ -144,3 +151,17 @@ def end(store: JobStore, job_id: str, outcome: Outcome) -> None:
     """Write the end of a job as a worker does."""
     owner = store.start(job_id).owner
     assert store.finish(job_id, owner, outcome.status, outcome.error, outcome.result, outcome.digest)
+
+
+def test_jobs_are_looked_after_again_when_that_has_failed(
+    queue_settings: QueueSettings, job: Make, queue: JobQueue, redis: Redis, caplog: pytest.LogCaptureFixture
+) -> None:
+    settings = Settings(broker=queue_settings.broker, prefix=queue_settings.prefix, reconcile_seconds=0.02)
+    waiting = f"{queue_settings.prefix}{queue_of(Priority.NORMAL)}"
+    # A message of somebody else's, which nobody can read; and a job that has none.
+    redis.lpush(waiting, b"nonsense")
+    job()
+    with served(create_app(settings)):
+        wait_until(lambda: "looking after jobs has failed" in caplog.text)
+        redis.delete(waiting)
+        wait_until(lambda: queue.depth() == 1)
