@@ -72,8 +72,8 @@ class SweepView(BaseModel):
 def submit_sweep(service: Service, body: bytes, key: str | None, principal: Principal) -> str:
     """Check a sweep and all documents of its points, then queue a job for each; return the sweep's id.
 
-    ``key`` is the client's Idempotency-Key. Raises as `Service.submit` does. All jobs are recorded in one
-    step; one whose message the broker does not take then is published by the reconciler.
+    ``key`` is the client's Idempotency-Key. Raises as `Service.submit` does. A job whose message
+    the broker does not take is published by the reconciler.
     """
     request = parse_document(body)
     plan = check_sweep(request)

@@ -8,13 +8,13 @@ import secrets
 import time
 import zlib
 from collections.abc import Callable, Iterator, Sequence
-from typing import Any, cast
+from typing import Any, TypeVar, cast
 
 from redis.client import Pipeline
 
 from worker.counts import Counts
 from worker.errors import JobActive, JobGone, JobNotFound, ResultLost
-from worker.keyspace import Keyspace
+from worker.keyspace import Keyspace, record_of
 from worker.records import FIRST, JobEvent, JobRecord, JobStatus, Priority
 from worker.results import LONGEST_REFERENCE
 
@@ -24,6 +24,9 @@ _COMPRESSION = 3
 _SCAN = 100
 _SCANS_PER_PAGE = 20
 _COUNTED_AT_ONCE = 1_000
+_AT_ONCE = 250
+
+T = TypeVar("T")
 
 
 class Submitting(Keyspace):
@@ -119,6 +122,16 @@ class Submitting(Keyspace):
             answers = pipe.execute() if job_ids else []
         return [None if answer is None else JobStatus(answer.decode()) for answer in answers]
 
+    def records(self, job_ids: Sequence[str]) -> list[JobRecord | None]:
+        """Return the record of each job, None for one that is not remembered."""
+        hashes: list[dict[bytes, bytes]] = []
+        for part in batched(job_ids):
+            with self.redis.pipeline(transaction=False) as pipe:
+                for job_id in part:
+                    pipe.hgetall(self._keys(job_id)[0])
+                hashes += pipe.execute()
+        return [record_of(fields) if fields else None for fields in hashes]
+
     def document(self, job_id: str) -> bytes:
         """Return the JSON text of a job's document as it was submitted."""
         packed = cast(bytes | None, self.redis.get(self._keys(job_id)[1]))
@@ -171,6 +184,14 @@ class Submitting(Keyspace):
         """End a queued job, ask a running one to stop, leave an ended one as it is; return the record."""
         self._run(self._cancel, job_id)
         return self.get(job_id)
+
+    def cancel_all(self, job_ids: Sequence[str]) -> None:
+        """Do what `cancel` does to many jobs; those that are not remembered are passed over."""
+        for part in batched(job_ids):
+            with self.redis.pipeline(transaction=False) as pipe:
+                for job_id in part:
+                    self._run(self._cancel, job_id, client=pipe)
+                pipe.execute()
 
     def answered(self, digest: str) -> str | None:
         """Return the job that this version of the solvers answered last by ``digest``, None if there is none.
@@ -249,6 +270,11 @@ class Submitting(Keyspace):
         age = max((now - oldest[0][1] for oldest in queued[1::2] if oldest), default=0.0)
         numbers = {name.decode(): float(number) for name, number in totals.items()}
         return Counts(dict(zip(Priority, queued[::2], strict=True)), running, max(0.0, age), numbers)
+
+
+def batched(items: Sequence[T]) -> Iterator[Sequence[T]]:
+    """Iterate over parts that a server does at once without holding up others for long."""
+    return (items[start : start + _AT_ONCE] for start in range(0, len(items), _AT_ONCE))
 
 
 def _first_status(record: JobRecord) -> dict[str, Any]:

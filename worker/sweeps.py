@@ -11,6 +11,7 @@ Keys: ``sweep:<id>`` (hash: what was asked for), ``sweep:<id>:points`` (the tabl
 
 from __future__ import annotations
 
+import contextlib
 import json
 import time
 import zlib
@@ -18,10 +19,14 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, cast
 
-from worker.errors import JobGone, JobNotFound
+from redis.client import Pipeline
+from redis.exceptions import RedisError
+
+from worker.errors import JobNotFound
 from worker.records import DEFAULT_PROJECT, JobError, JobRecord, JobStatus, SweepPlace, is_job_id
 from worker.settings import QueueSettings
 from worker.store import JobStore
+from worker.submitting import batched
 
 _NEAR = 16
 _GONE = "gone"
@@ -127,15 +132,27 @@ class SweepStore:
         self._note = cast(Callable[..., Any], self._redis.register_script(_NOTE))
 
     def add(self, sweep: SweepRecord, jobs: Sequence[tuple[JobRecord, bytes]], values: Sequence[Any]) -> None:
-        """Remember a new sweep with all its jobs, in the order of its table, in one step."""
+        """Remember a new sweep and all its jobs, in the order of its table.
+
+        Thousands of jobs at once would hold up everybody else for seconds: they are remembered a part at a
+        time, and the sweep after the last one. Where that fails there is none, and its jobs are cancelled.
+        """
         key, points, *_ = self._keys(sweep.id)
         table = json.dumps([[value, record.id] for value, (record, _) in zip(values, jobs, strict=True)])
-        with self._redis.pipeline(transaction=True) as pipe:
-            pipe.hset(key, mapping=cast(Any, sweep.to_hash()))
-            pipe.set(points, zlib.compress(table.encode()))
-            for record, document in jobs:
-                self._store.add_to(pipe, record, document)
-            pipe.execute()
+        try:
+            for part in batched(jobs):
+                with self._redis.pipeline(transaction=True) as pipe:
+                    for record, document in part:
+                        self._store.add_to(pipe, record, document)
+                    pipe.execute()
+            with self._redis.pipeline(transaction=True) as pipe:
+                pipe.hset(key, mapping=cast(Any, sweep.to_hash()))
+                pipe.set(points, zlib.compress(table.encode()))
+                pipe.execute()
+        except RedisError:
+            with contextlib.suppress(RedisError):
+                self._store.cancel_all([record.id for record, _ in jobs])
+            raise
 
     def exists(self, sweep_id: str) -> bool:
         """Tell whether a sweep is remembered."""
@@ -159,9 +176,8 @@ class SweepStore:
         rows = [(tuple(values), job_id) for values, job_id in json.loads(zlib.decompress(packed))]
         left = [index for index in range(len(rows)) if index not in endings]
         statuses = dict(zip(left, self._store.statuses([rows[index][1] for index in left]), strict=True))
-        for index, status in statuses.items():
-            if status is None or status.final:
-                endings[index] = self._note_missing(sweep_id, index, rows[index][1])
+        missing = [index for index, status in statuses.items() if status is None or status.final]
+        endings |= self._note_missing(sweep_id, {index: rows[index][1] for index in missing})
         return [
             TableRow(values, job_id, ending["status"], ending)
             if (ending := endings.get(index)) is not None
@@ -169,19 +185,31 @@ class SweepStore:
             for index, (values, job_id) in enumerate(rows)
         ]
 
-    def _note_missing(self, sweep_id: str, index: int, job_id: str) -> dict[str, Any]:
-        try:
-            record = self._store.get(job_id)
-            result = self._store.kept_result(job_id)
-        except (JobNotFound, JobGone):
-            ending: dict[str, Any] = {"status": _GONE, "error": None}
-        else:
-            figures = None if result is None else figures_of(json.loads(result))
-            ending = ending_of(record.status, record.error, figures)
-        self.note(SweepPlace(sweep_id, index, ()), ending)
-        return ending
+    def _note_missing(self, sweep_id: str, missing: Mapping[int, str]) -> dict[int, dict[str, Any]]:
+        """Note the endings of jobs by the index of their points; return them."""
+        records = self._store.records(list(missing.values()))
+        endings = {index: self._ending(record) for index, record in zip(missing, records, strict=True)}
+        for part in batched(list(endings.items())):
+            with self._redis.pipeline(transaction=False) as pipe:
+                for index, ending in part:
+                    self.note(SweepPlace(sweep_id, index, ()), ending, client=pipe)
+                pipe.execute()
+        return endings
 
-    def note(self, at: SweepPlace, ending: Mapping[str, Any], start: str | None = None) -> None:
+    def _ending(self, record: JobRecord | None) -> dict[str, Any]:
+        if record is None:
+            return {"status": _GONE, "error": None}
+        result = self._store.kept_result(record.id) if record.has_result else None
+        figures = None if result is None else figures_of(json.loads(result))
+        return ending_of(record.status, record.error, figures)
+
+    def note(
+        self,
+        at: SweepPlace,
+        ending: Mapping[str, Any],
+        start: str | None = None,
+        client: Pipeline | None = None,
+    ) -> None:
         """Note how a point has ended; what was noted first stays.
 
         ``start`` is its job if that has an answer from which its neighbours may start.
@@ -189,7 +217,7 @@ class SweepStore:
         text = json.dumps(ending, allow_nan=False)
         near = "" if start is None else json.dumps([start, at.place])
         told = (self._retention, time.time(), self._store.channel, at.sweep, near, _NEAR)
-        self._note(keys=self._keys(at.sweep), args=(at.index, text, *told))
+        self._note(keys=self._keys(at.sweep), args=(at.index, text, *told), client=client)
 
     def solved_last(self, sweep_id: str) -> list[tuple[str, tuple[float, ...]]]:
         """Return the jobs that were solved last, with their places."""
@@ -198,12 +226,7 @@ class SweepStore:
 
     def cancel(self, sweep_id: str) -> None:
         """Cancel every job that has not ended."""
-        for row in self.table(sweep_id):
-            if row.ending is None:
-                try:
-                    self._store.cancel(row.job_id)
-                except (JobNotFound, JobGone):  # It was erased in between.
-                    continue
+        self._store.cancel_all([row.job_id for row in self.table(sweep_id) if row.ending is None])
 
     def _keys(self, sweep_id: str) -> list[str]:
         if not is_job_id(sweep_id):

@@ -8,8 +8,10 @@ from typing import Any
 
 import pytest
 from redis import Redis
+from redis.exceptions import RedisError
 
 from tests.bad_documents import changed
+from worker import submitting
 from worker.errors import JobNotFound
 from worker.neighbours import Neighbours
 from worker.records import JobRecord, JobStatus, Priority, SweepPlace, new_job_id
@@ -27,8 +29,10 @@ def sweeps(store: JobStore, queue_settings: QueueSettings) -> SweepStore:
     return SweepStore(store, queue_settings)
 
 
-@pytest.fixture
-def sweep(sweeps: SweepStore) -> SweepRecord:
+Jobs = list[tuple[JobRecord, bytes]]
+
+
+def new_sweep() -> tuple[SweepRecord, Jobs]:
     """A sweep of three stiffness values; the last document is one that the worker refuses."""
     record = SweepRecord(new_job_id(), ("/problem/model/parameters/k",), False, 3, time.time(), "a sweep")
     documents: list[Any] = [changed(record.pointers[0], value) for value in VALUES[:2]] + [{"schema": 1}]
@@ -46,6 +50,18 @@ def sweep(sweeps: SweepStore) -> SweepRecord:
         )
         for index, document in enumerate(documents)
     ]
+    return record, jobs
+
+
+@pytest.fixture(autouse=True)
+def parts(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Two jobs at a time, so that three are more than one part."""
+    monkeypatch.setattr(submitting, "_AT_ONCE", 2)
+
+
+@pytest.fixture
+def sweep(sweeps: SweepStore) -> SweepRecord:
+    record, jobs = new_sweep()
     sweeps.add(record, jobs, [(value,) for value in VALUES])
     return record
 
@@ -111,6 +127,18 @@ def test_what_is_noted_first_stays(sweeps: SweepStore, sweep: SweepRecord) -> No
     sweeps.note(at, {"status": "succeeded", "error": None})
     sweeps.note(at, {"status": "failed", "error": "internal"})
     assert sweeps.table(sweep.id)[0].status == "succeeded"
+
+
+def test_of_a_sweep_that_cannot_be_remembered_nothing_is_left_to_solve(
+    store: JobStore, sweeps: SweepStore
+) -> None:
+    record, jobs = new_sweep()
+    # What no script can make a record of.
+    store.redis.set(store._keys(jobs[2][0].id)[0], "in the way")
+    with pytest.raises(RedisError):
+        sweeps.add(record, jobs, [(value,) for value in VALUES])
+    assert not sweeps.exists(record.id)
+    assert [store.get(job.id).status for job, _ in jobs[:2]] == [JobStatus.CANCELLED] * 2
 
 
 def test_all_jobs_are_cancelled(store: JobStore, sweeps: SweepStore, sweep: SweepRecord) -> None:
