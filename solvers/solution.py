@@ -22,6 +22,7 @@ from solvers.output.sampling import output_extremes, sample
 from solvers.phases.trajectory import AnyTrajectory
 from solvers.problem import OptimalControlProblem
 from solvers.spec import JobSpec
+from solvers.spec.places import place_in_document
 from solvers.status import SolveStatus
 from solvers.trajectory import Trajectory
 from solvers.verification.verdict import Verification
@@ -213,7 +214,12 @@ class Solution(Answer):
             "trajectory": sampled,
             "verification": answer.verification.to_dict(),
             "outputs": output_extremes(problem, trajectory, sampled),
-            "constraints": constraint_margins(problem, trajectory, answer.verification.integrals),
+            "constraints": constraint_margins(
+                problem,
+                trajectory,
+                answer.verification.integrals,
+                lambda it: place_in_document(self.spec.problem, f"{it}@{answer.plant.name}"),
+            ),
         }
 
 

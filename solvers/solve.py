@@ -8,7 +8,6 @@ from dataclasses import replace
 
 from solvers.diagnosis import sentence
 from solvers.errors import DocumentError, Fault
-from solvers.formulation.elastic import place_in_document
 from solvers.formulation.scenarios import Formulation, formulate
 from solvers.formulation.time_knots import tables_that_end
 from solvers.genetic.solve import solve_by_genes
@@ -30,6 +29,7 @@ from solvers.session import Session, start_report, statistics_of
 from solvers.solution import PlantAnswer, Solution
 from solvers.solved import Solved
 from solvers.spec import GeneticMethod, JobSpec, PiecewiseMethod
+from solvers.spec.places import place_in_document
 from solvers.start.earlier import other_phases
 from solvers.start.scaling import automatic_scaling
 
@@ -115,7 +115,9 @@ def solve(
         model_report=model_report(leading.problem, trajectory),
         integrals=integrals,
         switching=leading.switching(improved.switching[0]),
-        constraints=constraint_margins(leading.problem, trajectory, integrals),
+        constraints=constraint_margins(
+            leading.problem, trajectory, integrals, lambda it: place(0, f"{it}@{leading.name}")
+        ),
         sensitivity=slopes,
         convergence=session.convergence,
         starts=[

@@ -24,7 +24,6 @@ from solvers.backends import NUMPY
 from solvers.expressions import combined, named, parse, product, total
 from solvers.formulation.quantities import FREE, Constraint, DesignParameter, Total
 from solvers.problem import OptimalControlProblem
-from solvers.spec import ProblemSpec
 from solvers.start.guess import Start
 from solvers.start.scaling import Scaling, end_scales, magnitude
 
@@ -156,18 +155,6 @@ def elastic_problem(
             *(DesignParameter(wish.slack, (0.0, np.inf), guess) for wish, guess in slacks),
         ),
     )
-
-
-def place_in_document(spec: ProblemSpec, pointer: str) -> str:
-    """The place in the document as submitted of a pointer that may name the state of a scenario."""
-    place, _, case = pointer.partition("@")
-    *_, key, name = place.split("/")
-    for index, item in enumerate([] if spec.scenarios is None else spec.scenarios.cases):
-        if item.name == case and name in getattr(item, key, {}):
-            return f"/problem/scenarios/cases/{index}/{key}/{name}"
-    if key == "final_state" and name not in spec.final_state:
-        return "/problem/final_state/*"
-    return place
 
 
 def _softened(items: Sequence[Constraint], wishes: Sequence[Wish]) -> tuple[Constraint, ...]:

@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 
 from solvers.certificate import hamiltonian_drift
 from solvers.diagnosis import diagnose, sentence
-from solvers.formulation.elastic import place_in_document
 from solvers.formulation.plants import Plant
 from solvers.formulation.scenarios import Formulation
 from solvers.genetic.answer import Simulation, fly, polish
@@ -34,6 +33,7 @@ from solvers.session import Session, statistics_of
 from solvers.solution import PlantAnswer, Solution, Statistics
 from solvers.solved import Solved
 from solvers.spec import AutoMethod, GeneticMethod, JobSpec, ProblemSpec
+from solvers.spec.places import place_in_document
 from solvers.start.earlier import other_phases
 from solvers.start.first_answer import first_answers
 from solvers.status import SolveStatus
@@ -131,7 +131,12 @@ def solve_by_genes(
         model_report=model_report(leading.problem, trajectory),
         integrals=integrals,
         switching=(find_switching(problem, answer.trajectory) if improved is None else improved.switching[0]),
-        constraints=constraint_margins(leading.problem, trajectory, integrals),
+        constraints=constraint_margins(
+            leading.problem,
+            trajectory,
+            integrals,
+            lambda it: place_in_document(spec.problem, f"{it}@{leading.name}"),
+        ),
         convergence=session.convergence,
         diagnosis=answer.diagnosis,
         starts=_runs(search),

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from itertools import chain
 from typing import Any, NamedTuple
 
@@ -32,15 +32,19 @@ class Quantity(NamedTuple):
 
 
 def constraint_margins(
-    problem: OptimalControlProblem, trajectory: Trajectory, integrals: Mapping[str, float]
+    problem: OptimalControlProblem,
+    trajectory: Trajectory,
+    integrals: Mapping[str, float],
+    place: Callable[[str], str],
 ) -> list[dict[str, Any]]:
     """The ``constraints`` of a result: extremes, smallest margin and where, and when each is active.
 
     A negative margin is a violation. Sampled between the breakpoints of the trajectory; what is said of the
-    ends has one value, at the begin or the end. ``integrals`` are those of the answer, by name.
+    ends, of times and of design parameters has one value. ``integrals`` are those of the answer, by name;
+    ``place``: where in the document stands what is at a pointer of the problem.
     """
-    along, ends = _along(problem, trajectory), _at_the_ends(problem, trajectory, integrals)
-    return merged_margins(margins_of(chain(along, ends)))
+    found = chain(_along(problem, trajectory), _at_the_ends(problem, trajectory, integrals))
+    return [{**item, "pointer": place(item["pointer"])} for item in margins_of(found)]
 
 
 def margins_of(quantities: Iterable[Quantity]) -> Iterator[dict[str, Any]]:
@@ -52,9 +56,9 @@ def margins_of(quantities: Iterable[Quantity]) -> Iterator[dict[str, Any]]:
 
 def merged_margins(margins: Iterable[dict[str, Any]]) -> list[dict[str, Any]]:
     """Margins of which those at one place of the document, as of several phases, are one."""
-    found: dict[str, dict[str, Any]] = {}
+    found: dict[tuple[str, str], dict[str, Any]] = {}
     for item in margins:
-        known = found.setdefault(item["pointer"], item)
+        known = found.setdefault((item["pointer"], item["name"]), item)
         if known is item:
             continue
         nearer = item if item["margin"] < known["margin"] else known
@@ -104,18 +108,26 @@ def _along(problem: OptimalControlProblem, trajectory: Trajectory) -> Iterator[Q
 def _at_the_ends(
     problem: OptimalControlProblem, trajectory: Trajectory, integrals: Mapping[str, float]
 ) -> Iterator[Quantity]:
-    """Ends of states that have room, boundary constraints, integrals."""
+    """Ends of states and controls that have room, times, design parameters, what is said of both ends."""
     edges = np.array([0.0, 1.0])
     (begin, end), (first, last) = trajectory.states_at(edges).T, trajectory.controls_at(edges).T
     t0, tf = trajectory.time(edges)
-    for key, suffix, bounds, values, time in (
-        ("initial_state", "_0", problem.initial_state, begin, t0),
-        ("final_state", "_f", problem.final_state, end, tf),
+    of_states, of_controls = (problem.states, "state"), (problem.controls, "control")
+    for (names, what), edge, bounds, values, time in (
+        (of_states, "initial", problem.initial_state, begin, t0),
+        (of_states, "final", problem.final_state, end, tf),
+        (of_controls, "initial", problem.initial_control, first, t0),
+        (of_controls, "final", problem.final_control, last, tf),
     ):
-        for name, interval, value in zip(problem.states, bounds, values, strict=True):
-            if interval[0] < interval[1]:
-                pointer = f"/problem/{key}/{name}"
-                yield Quantity(pointer, name + suffix, np.array([value]), interval, np.array([time]))
+        for name, interval, value in zip(names, bounds, values, strict=True):
+            key = f"{edge}_control" if name in problem.rated else f"{edge}_{what}"
+            suffix = "_0" if edge == "initial" else "_f"
+            yield from _with_room(f"/problem/{key}/{name}", name + suffix, value, interval, time)
+    yield from _with_room("/problem/initial_time", "t0", t0, problem.initial_time, t0)
+    yield from _with_room("/problem/final_time", "tf", tf, problem.final_time, tf)
+    for item in problem.design:
+        value = trajectory.design[item.name]
+        yield from _with_room(f"/problem/design/{item.name}", item.name, value, item.interval, tf)
     scope = problem.ends_scope(
         (begin, first, t0),
         (end, last, tf),
@@ -126,11 +138,19 @@ def _at_the_ends(
     yield from said_of_the_ends(problem.boundary, problem.integrals, scope, tf)
 
 
+def _with_room(pointer: str, name: str, value: float, interval: Interval, time: float) -> Iterator[Quantity]:
+    """What is one number, where that is not given."""
+    if interval[0] < interval[1]:
+        yield Quantity(pointer, name, np.array([value]), interval, np.array([time]))
+
+
 def _margin(quantity: Quantity) -> dict[str, Any]:
     (lower, upper), values, times = quantity.interval, quantity.values, quantity.times
     room = np.minimum(values - lower, upper - values)
     nearest = int(np.argmin(room))
     scale = max(SMALLEST_SCALE, float(np.max(np.abs(values))))
+    if values.size == 1:  # one number near 0 says nothing of how large it may be
+        scale = max(scale, *(abs(bound) for bound in quantity.interval if np.isfinite(bound)))
     return {
         "pointer": quantity.pointer,
         "name": quantity.name,

@@ -20,7 +20,6 @@ from numpy.typing import NDArray
 from solvers.backends import NUMPY, Backend
 from solvers.errors import pointer
 from solvers.expressions import Expression
-from solvers.formulation.elastic import place_in_document
 from solvers.formulation.lifting import FLIGHT_PEAK, corners, has_corners, nonsmooth
 from solvers.formulation.plants import Plant
 from solvers.formulation.quantities import Constraint, Total
@@ -30,6 +29,7 @@ from solvers.spec import (
     PhaseView,
     ProblemSpec,
 )
+from solvers.spec.places import place_in_document
 from solvers.spec.pointers import parse_pointer
 from solvers.trajectory import Trajectory
 
@@ -56,6 +56,17 @@ class Phase:
     def place(self, alone: str) -> str:
         """See :meth:`located`; as submitted, where a pointer names a state of which ``*`` speaks."""
         return self.located(place_in_document(self.spec, alone))
+
+    def says(self, alone: str) -> bool:
+        """Whether what stands at a pointer of the problem of this phase alone is said of it, not of others.
+
+        Times are where neighbours meet unless it says them; design parameters are common to all phases.
+        """
+        _, key, *_ = parse_pointer(alone)
+        if key == "design":
+            return self.view.index == 0
+        at_the_edge = {"initial_time": 0, "final_time": self.view.count - 1}
+        return self.view.index == at_the_edge.get(key, self.view.index) or key in self.view.said
 
     def located(self, alone: str) -> str:
         """The pointer into the document of what stands at a pointer into the problem of this phase alone."""

@@ -31,6 +31,7 @@ from solvers.reach import reach
 from solvers.sensitivity import Varied, numbers_of, sensitivity
 from solvers.session import start_report, statistics_of
 from solvers.spec import JobSpec, ProblemSpec
+from solvers.spec.places import place_in_document
 from solvers.start.earlier import other_phases
 from solvers.start.scaling import automatic_scaling
 from solvers.verification.evaluation_fault import Where
@@ -136,7 +137,16 @@ def _flown(session: PhasedSession, spec: JobSpec, solved: PhasedSolved, plant: F
         solved.outcome.status,
         lambda limits, end: verify_phases(plant.problem, answer, limits, end, plant.parts[-1].implied),
     )
-    return FlightAnswer(plant, answer, verification, _margins(plant.problem, answer, verification.parts))
+    margins = [
+        {**item, "pointer": _said_at(spec.problem, item["pointer"], plant.name)}
+        for item in _margins(plant.problem, answer, verification.parts)
+    ]
+    return FlightAnswer(plant, answer, verification, margins)
+
+
+def _said_at(spec: ProblemSpec, pointer: str, case: str) -> str:
+    """Where stands what counts over the whole flight of a case, which never says anything of a phase."""
+    return pointer if pointer.startswith("/problem/phases/") else place_in_document(spec, f"{pointer}@{case}")
 
 
 def _empty(problem: PhasedProblem, solved: PhasedSolved) -> Iterator[dict[str, str]]:
@@ -186,9 +196,10 @@ def _margins(
 ) -> list[dict[str, Any]]:
     """The ``constraints`` of all phases and of the whole flight; what holds in several stands there once."""
     own = (
-        {**item, "pointer": phase.located(item["pointer"])}
+        {**item, "pointer": phase.place(item["pointer"])}
         for phase, part, flown in zip(problem.phases, answer.parts, parts, strict=True)
-        for item in constraint_margins(phase.plant.problem, part, flown.integrals)
+        for item in constraint_margins(phase.plant.problem, part, flown.integrals, str)
+        if phase.says(item["pointer"])
     )
     scope = flight_scope(problem, answer, parts)
     whole = margins_of(said_of_the_ends(problem.boundary, problem.totals, scope, answer.tf))

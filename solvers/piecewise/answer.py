@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -20,6 +21,7 @@ from solvers.piecewise.setup import Setup
 from solvers.piecewise.verify import terminal_cost, verify_mission
 from solvers.problem import OptimalControlProblem
 from solvers.solution import Solution, Statistics
+from solvers.spec.places import place_in_document
 from solvers.status import SolveStatus
 from solvers.switching import find_switching
 from solvers.trajectory import Trajectory
@@ -65,7 +67,9 @@ def answer(setup: Setup, compiled: CompiledPlant, mission: Mission, seconds: dic
         integrals={},
         model_report=None,
         switching=find_switching(problem, trajectory),
-        constraints=constraint_margins(setup.problem, trajectory, {}),
+        constraints=constraint_margins(
+            setup.problem, trajectory, {}, partial(place_in_document, setup.spec.problem)
+        ),
         convergence=[],
         starts=[],
         warnings=[],

@@ -52,6 +52,11 @@ class PhaseView:
         return self.phase.get("model") is not None
 
     @property
+    def said(self) -> frozenset[str]:
+        """The keys that the phase has itself."""
+        return frozenset(key for key, value in self.phase.items() if value is not None)
+
+    @property
     def model(self) -> Any:
         """The model of the phase, with the values that it gives to parameters."""
         model = self.phase["model"] if self.has_own_model else self.outer.get("model")

@@ -10,13 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from solvers.expressions import parse
-from solvers.formulation.elastic import place_in_document
 from solvers.formulation.scenarios import formulate
 from solvers.phases.problem import Link, Phase, PhasedProblem, begin_after
 from solvers.phases.scenarios import formulate_phases
 from solvers.phases.trajectory import AnyTrajectory
 from solvers.problem import OptimalControlProblem
 from solvers.spec import Objective, ProblemSpec
+from solvers.spec.places import place_in_document
 from solvers.trajectory import Trajectory
 from solvers.verification.flight import whole_flight
 

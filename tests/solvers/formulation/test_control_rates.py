@@ -147,7 +147,7 @@ def test_a_rated_control_is_listed_as_state_and_as_control(rigid_body: dict[str,
     assert result["interpolation"] == {"u": "linear", "u_dot": "previous"}
     assert len(result["nodes"]["costates"]["u"]) == len(result["nodes"]["t"])
     pointers = [item["pointer"] for item in result["constraints"]]
-    assert pointers == ["/problem/bounds/u", "/problem/control_rates/u"]
+    assert pointers == ["/problem/bounds/u", "/problem/control_rates/u", "/problem/final_time"]
     again = copy.deepcopy(document)
     again["problem"]["guess"] = {"from_result": result["nodes"]}
     assert result_of(again)["final_time"] == pytest.approx(SHORTEST, abs=1e-6)

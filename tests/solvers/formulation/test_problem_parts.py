@@ -36,14 +36,16 @@ def test_the_shortest_time_with_a_given_energy(rigid_body: dict[str, Any], metho
 def test_what_is_said_of_the_ends_has_margins(rigid_body: dict[str, Any]) -> None:
     """The end may lie between 1 and 3, so it is 1 in the time 2; x_f + v_f^2 <= 5 has room for 4."""
     problem = rigid_body["problem"]
-    problem["final_state"]["x"] = [1, 3]
+    problem["final_state"] = {"*": [1, 3], "x_dot": 0}
     problem["boundary_constraints"] = [
         {"name": "room", "expression": "x_f + x_dot_f^2 + x_0", "bounds": [None, 5]}
     ]
     result = result_of({**rigid_body, "method": {"name": "swcm", "refine": "switching"}})
     margins = {item["name"]: item for item in result["constraints"]}
-    assert margins.keys() == {"u", "x_f", "room"}
-    assert margins["x_f"]["pointer"] == "/problem/final_state/x"
+    assert margins.keys() == {"u", "x_f", "tf", "room"}
+    assert margins["x_f"]["pointer"] == "/problem/final_state/*"
+    assert margins["tf"]["pointer"] == "/problem/final_time"
+    assert margins["tf"]["max"] == pytest.approx(2.0, abs=1e-9)
     assert margins["x_f"]["margin"] == pytest.approx(0.0, abs=1e-9)
     assert margins["room"]["margin"] == pytest.approx(4.0, abs=1e-9)
     assert margins["room"]["at"] == pytest.approx(2.0, abs=1e-9)

@@ -121,7 +121,10 @@ def test_ends_and_bounds_of_one_case(method: dict[str, Any]) -> None:
     assert result["final_time"] == pytest.approx(4 / 3, abs=1e-5)
     assert result["scenarios"]["fast"]["trajectory"]["states"]["x"][-1] == pytest.approx(2, abs=1e-5)
     pointers = [item["pointer"] for item in result["scenarios"]["fast"]["constraints"]]
-    assert "/problem/bounds/x" in pointers
+    case = "/problem/scenarios/cases/0"
+    assert f"{case}/bounds/x" in pointers
+    assert f"{case}/final_state/x" in pointers
+    assert "/problem/final_time" in pointers
 
 
 def test_a_command_of_two_plants_with_everything(flexible_spacecraft: dict[str, Any]) -> None:

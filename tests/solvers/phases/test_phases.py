@@ -231,7 +231,7 @@ def test_a_stored_flight_is_resampled_exactly(rocket: dict[str, Any]) -> None:
 
 def test_what_the_result_says_of_phases(rocket: dict[str, Any]) -> None:
     pointers = [item["pointer"] for item in rocket["constraints"]]
-    assert pointers == ["/problem/bounds/T", "/problem/phases/1/bounds/T"]
+    assert pointers == ["/problem/bounds/T", "/problem/phases/0/final_time", "/problem/phases/1/bounds/T"]
     size = problem_size(check_document(ROCKET))
     assert (size.variables, size.constraints) == (
         rocket["statistics"]["variables"],
@@ -340,7 +340,8 @@ def test_what_counts_over_the_whole_flight() -> None:
     assert result["design"]["a"] == pytest.approx(0.5, abs=1e-8)
     margins = {item["pointer"]: item["margin"] for item in result["constraints"]}
     assert margins == pytest.approx(
-        {"/problem/boundary_constraints/0": 0.0, "/problem/integrals/0": 0.0}, abs=1e-8
+        {"/problem/boundary_constraints/0": 0.0, "/problem/integrals/0": 0.0, "/problem/design/a": 0.4},
+        abs=1e-8,
     )
     assert result["integrals"]["effort"] == pytest.approx(2, abs=1e-8)
     assert [phase["integrals"]["effort"] for phase in result["phases"]] == pytest.approx([0.5, 1.5], abs=1e-6)
