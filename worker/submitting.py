@@ -166,10 +166,6 @@ class Submitting(Keyspace):
             logger.warning("job %s: its result is lost", job_id)
             return None
 
-    def results(self, job_ids: Sequence[str]) -> Iterator[bytes | None]:
-        """Iterate over the results of jobs as `kept_result` returns them."""
-        return map(self.kept_result, job_ids)
-
     def events(self, job_id: str, after: str = FIRST) -> list[JobEvent]:
         """Return what happened to a job behind the event ``after``, oldest first; some 1,000 are kept."""
         entries = cast(

@@ -187,6 +187,7 @@ def api(host: str, port: int, broker: str | None, insecure: bool, fd: int | None
     import uvicorn
 
     from app.main import create_app
+    from app.protocol import ProblemProtocol
     from worker import logs, traces
 
     logs.set_up(settings.log_format, settings.log_level)
@@ -198,6 +199,7 @@ def api(host: str, port: int, broker: str | None, insecure: bool, fd: int | None
     # Whoever waits on a long poll is let go after 2 s, so that stopping is quick.
     config = uvicorn.Config(
         create_app(settings),
+        http=ProblemProtocol,
         access_log=False,
         log_config=None,
         server_header=False,

@@ -12,6 +12,7 @@ import sys
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
+from http.client import HTTPResponse
 from pathlib import Path
 
 import httpx
@@ -89,6 +90,15 @@ def test_a_service_solves_for_itself_alone_and_stops_at_ctrl_c(tmp_path: Path) -
     data = tmp_path / "data"
     with serving("--data", data) as (process, url), Client(url) as client:
         assert client.solve(FLEXIBLE_SPACECRAFT, timeout=30)["success"] is True
+        # What is no HTTP is refused like everything else.
+        with socket.create_connection((httpx.URL(url).host, httpx.URL(url).port or 0)) as raw:
+            raw.sendall(b"no HTTP at all\r\n\r\n")
+            refusal = HTTPResponse(raw)
+            refusal.begin()
+            members = json.loads(refusal.read())
+        assert (refusal.status, members["type"]) == (400, "/problems/bad-request")
+        assert refusal.headers["content-type"] == "application/problem+json"
+        assert members["request_id"] == refusal.headers["x-request-id"]
         second = CliRunner().invoke(main, ["serve", "--port", "0", "--data", str(data)])
         assert second.exit_code == 3, "the folder is taken"
         assert f"(process {process.pid}) is using the data folder {data}" in second.stderr

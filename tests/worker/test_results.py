@@ -53,7 +53,7 @@ def test_the_server_holds_a_reference_and_the_folder_the_bytes(store: JobStore, 
     assert file.read_bytes() == compress(TEXT)
     assert store.redis.get(store._keys(job_id)[2]) == f"blob:{file.name}".encode()
     assert store.result(job_id) == TEXT
-    assert list(store.results([job_id, new_job_id()])) == [TEXT, None]
+    assert [store.kept_result(each) for each in (job_id, new_job_id())] == [TEXT, None]
     told = [event.data for event in store.events(job_id) if event.kind == "result"]
     assert told == [{"bytes": len(compress(TEXT))}]
 
@@ -111,7 +111,7 @@ def test_a_result_that_is_not_there_any_more_is_lost_and_nothing_else(store: Job
         with pytest.raises(ResultLost):
             store.result(job_id)
         assert store.get(job_id).status is JobStatus.SUCCEEDED
-    assert list(store.results([gone, damaged])) == [None, None]
+    assert [store.kept_result(each) for each in (gone, damaged)] == [None, None]
     store.erase(gone)
 
 
