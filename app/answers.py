@@ -23,9 +23,13 @@ class Answers:
 
     def result(self, job_id: str) -> bytes:
         """Return the JSON text of a job's result; raises ServiceError while, or where, there is none."""
-        result = self._store.result(job_id)
-        if result is not None:
-            return result
+        return self.result_twice(job_id)[1]
+
+    def result_twice(self, job_id: str) -> tuple[bytes, bytes]:
+        """Return what `result` does, compressed by zlib, and as it is."""
+        both = self._store.result_twice(job_id)
+        if both is not None:
+            return both
         record = self._store.get(job_id)
         if not record.status.final:
             raise self._not_ready(record)

@@ -53,7 +53,8 @@ def flown_in_time(
 ) -> Verification:
     """Fly an answer that ended with ``status``, within the tolerances and the time that it deserves."""
     started = time.perf_counter()
-    account.progress.report(ProgressReport("verify", account.iterations, fraction=1.0))
+    objective = account.convergence[-1]["objective"]
+    account.progress.report(ProgressReport("verify", account.iterations, objective, fraction=1.0))
     deadline = time.monotonic() + _SECONDS.get(status, _SECONDS_UNCONVERGED)
     verification = fly(Tolerances(**spec.verification_tolerances()), deadline)
     account.seconds["verify"] = account.seconds.get("verify", 0.0) + time.perf_counter() - started

@@ -69,8 +69,13 @@ class Results:
 
     def unpack(self, stored: bytes) -> bytes:
         """Return the JSON text that is meant; raises ResultLost if it is not there any more, or damaged."""
+        return self.both(stored)[1]
+
+    def both(self, stored: bytes) -> tuple[bytes, bytes]:
+        """Return what is meant, compressed and as JSON text; raises as `unpack` does."""
+        packed = self.read(stored)
         try:
-            return zlib.decompress(self.read(stored))
+            return packed, zlib.decompress(packed)
         except zlib.error as error:
             raise ResultLost(f"the compressed result is damaged: {error}") from error
 

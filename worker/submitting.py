@@ -145,12 +145,17 @@ class Submitting(Keyspace):
 
         Raises ResultLost where there was one, and ResultsUnavailable.
         """
-        packed = cast(bytes | None, self.redis.get(self._keys(job_id)[2]))
-        if packed is None:
+        both = self.result_twice(job_id)
+        return None if both is None else both[1]
+
+    def result_twice(self, job_id: str) -> tuple[bytes, bytes] | None:
+        """Return what `result` does, compressed as `compress` does it, and as it is."""
+        stored = cast(bytes | None, self.redis.get(self._keys(job_id)[2]))
+        if stored is None:
             if self.get(job_id).has_result:
                 raise ResultLost(job_id)
             return None
-        return self.results_kept.unpack(packed)
+        return self.results_kept.both(stored)
 
     def kept_result(self, job_id: str) -> bytes | None:
         """Return the JSON text of a job's result, None where there is none, or none any more.

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from app.answers import not_finite, trajectory_of
 from app.errors import ServiceError, wrong_parameter
-from app.negotiation import chosen_type
+from app.negotiation import chosen_type, encodings
 from app.openapi import refusals
 from app.report import POLICY
 from app.schemas import JobView
@@ -66,10 +66,13 @@ def result(
     Of flights CSV has a row for each, and NPZ and MAT are not made.
     """
     kind = chosen_type(request, _MEDIA)
-    text = service.answers.result(job_id)
+    packed, text = service.answers.result_twice(job_id)
     if kind in _OF_TRAJECTORIES and service.store.get(job_id).flights_of is not None:
         raise ServiceError("not-acceptable", "Flights are available as application/json and text/csv.")
-    headers = {"Vary": "Accept"}
+    headers = {"Vary": "Accept, Accept-Encoding"}
+    if kind == "json" and "deflate" in encodings(request):
+        # That is the format of zlib (RFC 9110, section 8.4.1.2), in which results are kept.
+        return Response(packed, media_type=_MEDIA[kind], headers={**headers, "Content-Encoding": "deflate"})
     if kind == "json":
         return Response(text, media_type=_MEDIA[kind], headers=headers)
     headers["Content-Disposition"] = f'attachment; filename="{job_id}.{kind}"'

@@ -79,7 +79,7 @@ def test_the_client_chooses_the_format(
     response = client.get(f"{done}/result", headers={} if accept is None else {"Accept": accept})
     assert response.status_code == 200
     assert response.headers["content-type"].partition(";")[0] == kind
-    assert response.headers["vary"] == "Accept"
+    assert response.headers["vary"] == "Accept, Accept-Encoding"
     assert response.headers["cache-control"] == "no-store"
 
 
@@ -98,7 +98,14 @@ def test_the_format_parameter_goes_before_accept(client: httpx.Client, done: str
 
 
 def test_json_is_what_the_solve_returned(client: httpx.Client, done: str, result: dict[str, Any]) -> None:
-    assert client.get(f"{done}/result").json() == result
+    plain, packed = (
+        client.get(f"{done}/result", headers={"Accept-Encoding": coding})
+        for coding in ("identity", "deflate, br")
+    )
+    assert plain.json() == packed.json() == result
+    assert "content-encoding" not in plain.headers
+    assert packed.headers["content-encoding"] == "deflate"
+    assert int(packed.headers["content-length"]) < int(plain.headers["content-length"]) / 2
 
 
 def test_files_hold_the_sampled_trajectory(client: httpx.Client, done: str, result: dict[str, Any]) -> None:

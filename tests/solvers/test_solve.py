@@ -45,10 +45,11 @@ def test_progress_tells_stage_iteration_objective_and_infeasibility(
     flexible_spacecraft: dict[str, Any],
 ) -> None:
     recorder = Recorder()
-    solve(check_document({**flexible_spacecraft, "method": {"name": "swcm", "J": 8}}), recorder)
+    answer = solve(check_document({**flexible_spacecraft, "method": {"name": "swcm", "J": 8}}), recorder)
     stages = [report.stage for report in recorder.reports]
     assert stages[0] == "solve level 1 of 3"
     assert stages[-1] == "verify"
+    assert recorder.reports[-1].objective == answer.objective
     first = recorder.reports[0]
     assert first.objective is not None
     assert first.infeasibility is not None
