@@ -102,6 +102,8 @@ def refine_switching(
     ``seconds``: what the search may take, where that is less than what the session leaves. Raises whatever
     the progress of the session raises.
     """
+    if not is_refinable(session.parts):
+        return Refinement(first, None, "slacks that stand for corners are no controls that rest on bounds")
     start = [part.trajectory for part in first.parts]
     search, reason = _searched(
         session, start, lambda: structures_of(first), acceptable=acceptable, seconds=seconds

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
+from itertools import pairwise
+from types import MappingProxyType
 from typing import Any
 
 from solvers.errors import ExpressionError
-from solvers.expressions import parse
+from solvers.expressions import Code, Expression, parse
 from solvers.spec.faults import Flaws, Path
 from solvers.spec.scope import Scope, mapping
 from solvers.spec.values import evaluate_constant
@@ -29,7 +31,7 @@ def check_support(scope: Scope, flaws: Flaws) -> None:
     """Note every key that the method of the document cannot work with."""
     method = mapping(scope.document.get("method"))
     if method.get("refine") == "switching":
-        for place, what in not_refined(scope.problem):
+        for place, what in not_refined(scope):
             detail = f"unsupported: {what} with refine 'switching' is not in this version"
             flaws.add(detail, "problem", *place, type="unsupported")
     if method.get("name") == "piecewise":
@@ -67,10 +69,10 @@ def _windows(problem: dict[str, Any]) -> Iterator[int]:
             yield index
 
 
-def _worth(value: Any) -> float:
-    """What a value without names is worth; NaN where that cannot be told."""
+def _worth(value: Any, parameters: Mapping[str, float] = MappingProxyType({})) -> float:
+    """What a value is worth; NaN where that cannot be told."""
     try:
-        return evaluate_constant(value, {})
+        return evaluate_constant(value, parameters)
     except (ExpressionError, TypeError):
         return math.nan
 
@@ -85,12 +87,31 @@ def uses_corners(expression: Any) -> bool:
         return False  # reported where it stands
 
 
-def not_refined(problem: dict[str, Any]) -> Iterator[tuple[Path, str]]:
+def _counts_magnitudes_only(scope: Scope, running: Expression) -> bool:
+    """Whether all its corners are those of abs(u) for controls with room on both sides of 0.
+
+    They are solved for as two sides, on which arcs rest, where one plant flies without phases.
+    """
+    if scope.problem.get("phases") or scope.problem.get("scenarios"):
+        return False
+    bounds, program = mapping(scope.problem.get("bounds")), running.program
+    for (_, before), (code, payload) in pairwise(program):
+        if code in (Code.CALL, Code.PAIR) and payload in CORNERS:
+            sides = bounds.get(before) if payload == "abs" and before in scope.controls else None
+            lower, upper = sides if isinstance(sides, list) and len(sides) == 2 else (0, 0)
+            if not _worth(lower, scope.parameters) < 0 < _worth(upper, scope.parameters):
+                return False
+    return True
+
+
+def not_refined(scope: Scope) -> Iterator[tuple[Path, str]]:
     """Yield what switching refinement cannot work with: place below the problem, and what it is."""
+    problem = scope.problem
     for index in _windows(problem):
         yield ("path_constraints", index, "during"), "a window of a path constraint"
-    if uses_corners(mapping(problem.get("objective")).get("running")):
-        yield ("objective", "running"), "a running cost of abs, min or max"
+    running = mapping(problem.get("objective")).get("running")
+    if uses_corners(running) and not _counts_magnitudes_only(scope, parse(running)):
+        yield ("objective", "running"), "a running cost of abs, min or max, but for magnitudes of controls"
     for key in ("initial_control", "final_control"):
         for control in mapping(problem.get(key)):
             if control not in mapping(problem.get("control_rates")):

@@ -71,12 +71,14 @@ def test_fuel(rigid_body: dict[str, Any], method: dict[str, Any], cost: str) -> 
     assert not [item for item in result["warnings"] if item["code"] == "nonsmooth"]
 
 
-def test_fuel_by_arcs(rigid_body: dict[str, Any]) -> None:
+@pytest.mark.parametrize("method", [{"name": "auto"}, {"name": "gpm", "refine": "switching"}])
+def test_fuel_by_arcs(rigid_body: dict[str, Any], method: dict[str, Any]) -> None:
     """Time 3, and twice the price: a (3 - a) = 1 between bursts that end and begin exactly."""
     problem = rigid_body["problem"]
     problem |= {"final_time": 3, "objective": {"running": "2*abs(u) + 0*x"}}
-    result = result_of({**rigid_body, "method": {"name": "auto"}})
+    result = result_of({**rigid_body, "method": method})
     assert result["success"], result["message"]
+    assert result["method"]["refine"] == "switching"
     burst = (3 - np.sqrt(5)) / 2
     assert result["objective"] == pytest.approx(4 * burst, abs=1e-9)
     assert list(result["nodes"]["controls"]) == ["u"]
@@ -145,7 +147,32 @@ def test_peaks_of_several_plants(two_plants: dict[str, Any]) -> None:
         assert result_of(two_plants)["objective"] == pytest.approx(expected, abs=1e-6)
 
 
-def test_what_refinement_cannot_do_is_refused() -> None:
-    changes = {"/problem/objective": {"running": "abs(T)"}, "/method/refine": "switching"}
-    (fault,) = faults_of(edited(changes))
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"/problem/objective/running": "abs(theta)"},
+        {"/problem/objective/running": "abs(T) + max(T, 0)"},
+        {"/problem/objective/running": "abs(T)", "/problem/bounds/T": [0, 5]},
+        {"/problem/objective/running": "abs(T)", "/problem/bounds/T": [None, 5]},
+        {
+            "/problem/objective/running": "abs(T)",
+            "/problem/scenarios": {"cases": [{"name": "soft", "parameters": {"k": 90}}]},
+        },
+    ],
+)
+def test_what_refinement_cannot_do_is_refused(changes: dict[str, Any]) -> None:
+    (fault,) = faults_of(edited({**changes, "/method/refine": "switching"}))
     assert (fault.pointer, fault.type) == ("/problem/objective/running", "unsupported")
+
+
+def test_what_refinement_cannot_do_and_no_document_tells_is_said(rigid_body: dict[str, Any]) -> None:
+    """A magnitude that is a cost, of a control of which something is said at its end: a slack stays."""
+    rigid_body["problem"] |= {
+        "final_time": 3,
+        "objective": {"running": "abs(u)"},
+        "boundary_constraints": [{"expression": "u_f", "bounds": [-0.9, 0.9]}],
+    }
+    method = {"name": "hermite_simpson", "intervals": 8, "refine": "switching"}
+    result = result_of({**rigid_body, "method": method})
+    assert "refinement_failed" in [item["code"] for item in result["warnings"]]
+    assert "slacks" in result["message"]
