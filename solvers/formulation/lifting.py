@@ -2,7 +2,8 @@
 
 ``maximum``: an unknown that the expression must not exceed anywhere is minimised instead of the peak.
 
-In a running cost (or an integral that is bounded above only), a term c abs(e) with c > 0 becomes c s with a
+In a running cost (or an integral of which more is nowhere asked for: it is bounded above only, and a sum of
+costs or of what is bounded above), a term c abs(e) with c > 0 becomes c s with a
 slack s >= e, s >= -e at every node; c max(a, b) becomes c s with s >= a, s >= b; and -c min(a, b) likewise.
 The slack costs, so that it comes down to the larger of the two. Slacks are controls of a name that no
 document can use; the verification flies the document's own expressions.
@@ -11,7 +12,7 @@ document can use; the verification flies the document's own expressions.
 from __future__ import annotations
 
 import operator
-from collections.abc import Iterator
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -20,7 +21,7 @@ from numpy.typing import NDArray
 from solvers.backends import NUMPY
 from solvers.expressions import Code, Expression, combined, named, operand_of, parse, part_of, product
 from solvers.expressions.expression import Instruction, divide
-from solvers.formulation.quantities import FREE, Constraint, DesignParameter, Interval
+from solvers.formulation.quantities import FREE, Constraint, DesignParameter, Integral, Interval, Total
 from solvers.formulation.two_sided import TwoSides, may_be_split, with_sides
 from solvers.problem import OptimalControlProblem
 
@@ -66,22 +67,27 @@ def peak_of_guess(problem: OptimalControlProblem, peak: Expression) -> float:
     return float(_along_the_guess(problem, peak).max())
 
 
-def lifted(problem: OptimalControlProblem, *, split: bool = False) -> OptimalControlProblem:
+def lifted(
+    problem: OptimalControlProblem, *, split: bool = False, exact: Collection[str] = ()
+) -> OptimalControlProblem:
     """The problem with slacks for abs, min and max in its running cost and its integrals.
 
     ``split``: bounded controls whose magnitude is a running cost become two
-    (:mod:`solvers.formulation.two_sided`).
+    (:mod:`solvers.formulation.two_sided`). ``exact``: integrals that count elsewhere, and may not be more
+    than they are.
     """
     work = _Lifting(problem, {side.control: side for side in may_be_split(problem)} if split else {})
     running = problem.running_cost
     if running is not None:
         running = work.lift(running)
     work.sides = {name: side for name, side in work.sides.items() if name in work.used}
-    ends = problem.named_at_the_ends
+    held = [
+        *said_at_the_ends(problem.boundary, problem.terminal_cost),
+        *map(held_integral, problem.integrals),
+    ]
+    exact = exact_integrals(problem.integrals, held, problem.parameters).union(exact)
     integrals = tuple(
-        replace(item, expression=work.lift(item.expression))
-        if item.interval[0] == -np.inf and item.name not in ends
-        else item
+        item if item.name in exact else replace(item, expression=work.lift(item.expression))
         for item in problem.integrals
     )
     path = tuple(
@@ -106,6 +112,73 @@ def lifted(problem: OptimalControlProblem, *, split: bool = False) -> OptimalCon
         integrals=integrals,
         guess=replace(problem.guess, controls=(*problem.guess.controls, *pieces)),
     )
+
+
+Held = tuple[Expression, Interval]
+"""What is said at the end: an expression, and the interval in which it must be."""
+
+
+def said_at_the_ends(boundary: Iterable[Constraint], terminal_cost: Expression | None) -> Iterator[Held]:
+    """Yield what boundary constraints hold; a cost is held from above."""
+    yield from ((item.expression, item.interval) for item in boundary)
+    if terminal_cost is not None:
+        yield terminal_cost, (-np.inf, 0.0)
+
+
+def held_integral(item: Integral | Total) -> Held:
+    """An integral, and the interval in which it is held."""
+    return named(item.name), item.interval
+
+
+def exact_integrals(
+    integrals: Iterable[Integral | Total], held: Sequence[Held], parameters: Mapping[str, float]
+) -> frozenset[str]:
+    """The integrals that may not be more than they are: more of them is not always worse, or no worse."""
+
+    def worse(name: str, expression: Expression, interval: Interval) -> bool:
+        slope = _slope(expression, name, parameters)
+        if slope is None:
+            return False
+        return slope == 0.0 or interval[0 if slope > 0.0 else 1] == (-np.inf if slope > 0.0 else np.inf)
+
+    names = [item.name for item in integrals]
+    return frozenset(name for name in names if not all(worse(name, *item) for item in held))
+
+
+def _slope(expression: Expression, name: str, parameters: Mapping[str, float]) -> float | None:
+    """By how much an expression grows with a name where it is a sum of constant multiples, else None."""
+    factor, slope = 1.0, 0.0
+    # A long sum is a deep tree on its left: it is walked down, not called down.
+    while name in expression.names:
+        (code, payload), operands = _split(expression)
+        mark = _MARKS.get(payload, "") if code == Code.OPERATOR else ""
+        left = operands[0] if operands else expression
+        if code == Code.NAME:
+            return slope + factor
+        if code == Code.NEGATE:
+            factor, expression = -factor, left
+        elif mark in ("+", "-"):
+            right = _slope(operands[1], name, parameters)
+            if right is None:
+                return None
+            slope += factor * right * (1.0 if mark == "+" else -1.0)
+            expression = left
+        elif mark in ("*", "/") and (value := _constant(operands[1], parameters)) is not None:
+            factor, expression = factor * value if mark == "*" else factor / value, left
+        elif mark == "*" and (value := _constant(left, parameters)) is not None:
+            factor, expression = factor * value, operands[1]
+        else:
+            return None
+    return slope
+
+
+def _constant(expression: Expression, parameters: Mapping[str, float]) -> float | None:
+    """What a factor is worth that only numbers and parameters make up, if it is finite and not zero."""
+    if not expression.names <= parameters.keys():
+        return None
+    with np.errstate(all="ignore"):
+        value = float(expression.evaluate(parameters, NUMPY.functions))
+    return value if np.isfinite(value) and value != 0.0 else None
 
 
 def is_slack(name: str) -> bool:
@@ -176,7 +249,7 @@ class _Lifting:
             right = part_of(expression, operand_of(program[:stop]), stop - 1) if mark else None
             if right is not None and mark in "+-":
                 behind.append((mark, right, sign if mark == "+" else -sign))
-            elif right is not None and (factor := self._constant(right)) is not None:
+            elif right is not None and (factor := _constant(right, self.problem.parameters)) is not None:
                 behind.append((mark, right, None))
                 sign *= float(np.sign(factor))
             else:
@@ -196,7 +269,7 @@ class _Lifting:
             return product(parse(-1.0), self.lift(operands[0], -sign))
         if code == Code.OPERATOR and payload is operator.mul:
             left, right = operands
-            factor = self._constant(left)
+            factor = _constant(left, self.problem.parameters)
             if factor is not None:
                 return combined("*", left, self.lift(right, sign * np.sign(factor)))
         if code == Code.CALL and payload == "abs" and sign > 0.0 and operands[0].text in self.sides:
@@ -210,14 +283,6 @@ class _Lifting:
             below = [product(parse(-1.0), item) for item in operands]
             return product(parse(-1.0), self._slack(product(parse(-1.0), expression), *below))
         return expression
-
-    def _constant(self, expression: Expression) -> float | None:
-        """What a factor is worth that only numbers and parameters make up, if it is finite and not zero."""
-        if not expression.names <= self.problem.parameters.keys():
-            return None
-        with np.errstate(all="ignore"):
-            value = float(expression.evaluate(self.problem.parameters, NUMPY.functions))
-        return value if np.isfinite(value) and value != 0.0 else None
 
     def _slack(self, start: Expression, *below: Expression) -> Expression:
         """A slack that is at least as large as each of ``below``, which together make ``start``."""

@@ -28,10 +28,10 @@ def with_flight_peak(flight: PhasedProblem) -> PhasedProblem:
     problems = below_flight_peak(
         [with_peak(phase.plant.problem) for phase in flight.phases], peaks_of(flight), flight_peak()
     )
-    phases = zip(flight.phases, problems, strict=True)
+    phases, exact = zip(flight.phases, problems, strict=True), flight.exact_integrals
     return replace(
         flight,
-        phases=tuple(replace(phase, problem=lifted(problem)) for phase, problem in phases),
+        phases=tuple(replace(phase, problem=lifted(problem, exact=exact)) for phase, problem in phases),
         design=(*flight.design, flight_peak()),
         terminal_cost=plus_peak(flight.terminal_cost, flight_peak()),
         peak_cost=None,

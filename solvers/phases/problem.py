@@ -20,7 +20,15 @@ from numpy.typing import NDArray
 from solvers.backends import NUMPY, Backend
 from solvers.errors import pointer
 from solvers.expressions import Expression
-from solvers.formulation.lifting import FLIGHT_PEAK, corners, has_corners, nonsmooth
+from solvers.formulation.lifting import (
+    FLIGHT_PEAK,
+    corners,
+    exact_integrals,
+    has_corners,
+    held_integral,
+    nonsmooth,
+    said_at_the_ends,
+)
 from solvers.formulation.plants import Plant
 from solvers.formulation.quantities import Constraint, Total
 from solvers.formulation.time_knots import corner_warnings
@@ -100,6 +108,12 @@ class PhasedProblem:
     peak_cost: Expression | None = None
 
     @property
+    def exact_integrals(self) -> frozenset[str]:
+        """The integrals that may not be more than they are; see :mod:`solvers.formulation.lifting`."""
+        held = [*said_at_the_ends(self.boundary, self.terminal_cost), *map(held_integral, self.totals)]
+        return exact_integrals(self.totals, held, self.parameters)
+
+    @property
     def structure(self) -> Hashable:
         """Names and expressions: all that the joints of the program are made of but numbers."""
         return (
@@ -144,7 +158,7 @@ class PhasedProblem:
             for item in phase.problem.path
             if item.name.startswith(FLIGHT_PEAK) and has_corners(item.expression)
         }
-        found = [nonsmooth(*item) for item in kept]
+        found = [nonsmooth(*item) for item in dict.fromkeys(kept)]
         for item in [item for phase in self.phases for item in corner_warnings(phase.problem)]:
             found += [item] if item not in found else []
         return found

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import replace
 from itertools import pairwise
 from typing import Any
@@ -74,7 +74,9 @@ def flight_of(spec: ProblemSpec) -> PhasedProblem:
         [_said(phase) for phase in phases],
         lambda index, end: _begin(found, index, end),
     )
-    return replace(found, phases=tuple(map(_started, phases, guesses)))
+    exact = found.exact_integrals
+    started = (_started(*pair, exact) for pair in zip(phases, guesses, strict=True))
+    return replace(found, phases=tuple(started))
 
 
 def _aimed(phases: Sequence[Phase]) -> Iterator[OptimalControlProblem]:
@@ -129,9 +131,10 @@ def _link(before: Phase, after: Phase, jump: Mapping[str, Any]) -> Link:
     return Link(starts)
 
 
-def _started(phase: Phase, guess: Any) -> Phase:
+def _started(phase: Phase, guess: Any, exact: Collection[str]) -> Phase:
     problem = replace(phase.plant.problem, guess=guess)
-    return replace(phase, plant=replace(phase.plant, problem=problem), problem=lifted(with_peak(problem)))
+    solved = lifted(with_peak(problem), exact=exact)
+    return replace(phase, plant=replace(phase.plant, problem=problem), problem=solved)
 
 
 def _begin(problem: PhasedProblem, index: int, end: End) -> Mapping[str, float]:

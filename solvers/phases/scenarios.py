@@ -6,7 +6,7 @@ whole flight, stand once for every plant that has a say in them.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 from solvers.expressions import Expression, named, renamed
@@ -153,8 +153,8 @@ def _together(crew: Sequence[_Member], choice: str) -> PhasedProblem:
             totals += [Total(name, "/problem/objective") for name in added_up]
             limits.append(below_level(own.name, cost, added_up))
         terminal, design = named(LEVEL), (*design, LEVEL)
-    return PhasedProblem(
-        tuple(_phase(own, whole) for own, whole in zip(first.phases, wholes, strict=True)),
+    found = PhasedProblem(
+        first.phases,
         tuple(
             Link({name: start for link in links for name, start in link.starts.items()})
             for links in zip(*(own.links() for own in crew), strict=True)
@@ -165,11 +165,14 @@ def _together(crew: Sequence[_Member], choice: str) -> PhasedProblem:
         (*_boundary(crew), *limits),
         terminal,
     )
+    exact = found.exact_integrals
+    phases_of_all = (_phase(own, whole, exact) for own, whole in zip(first.phases, wholes, strict=True))
+    return replace(found, phases=tuple(phases_of_all))
 
 
-def _phase(alone: Phase, whole: OptimalControlProblem) -> Phase:
+def _phase(alone: Phase, whole: OptimalControlProblem, exact: Collection[str]) -> Phase:
     """The phase in which all plants fly."""
-    return replace(alone, problem=lifted(whole), plant=Plant(alone.name, whole))
+    return replace(alone, problem=lifted(whole, exact=exact), plant=Plant(alone.name, whole))
 
 
 def _totals(crew: Sequence[_Member]) -> Iterator[Total]:
@@ -215,5 +218,5 @@ def _implied(
     begin = whole.guess.states_at(whole.guess.states[0][0][:1])[:, 0].tolist()
     pinned = replace(whole, initial_state=tuple(zip(begin, begin, strict=True)))
     relaxed, implied = relaxed_ends(pinned, [own.parts[-1].problem.states for own in crew], tolerance)
-    final = _phase(last, replace(whole, final_state=relaxed.final_state))
+    final = _phase(last, replace(whole, final_state=relaxed.final_state), flight.exact_integrals)
     return replace(flight, phases=(*earlier, final)), tuple(implied)

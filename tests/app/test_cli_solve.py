@@ -151,7 +151,7 @@ def test_a_huge_file_is_refused_without_being_read(tmp_path: Path) -> None:
     for suffix in (".json", ".yaml"):
         answer = ondelette("solve", path.rename(path.with_suffix(suffix)))
         assert answer.exit_code == 2
-        assert answer.stderr == "/: the document is longer than 2097152 bytes\n"
+        assert answer.stderr == "/: the document is longer than 2,097,152 bytes\n"
         path = path.with_suffix(suffix)
 
 

@@ -111,6 +111,56 @@ def test_an_integral_of_a_magnitude_that_is_bounded_above(rigid_body: dict[str, 
     assert result["verification"]["integrals"]["fuel"] <= 1.2 * 1.01
 
 
+@pytest.mark.parametrize("terminal", ["3*fuel/2 - -w*fuel", "(fuel + x_f)*w + 1.5*fuel"])
+def test_an_integral_of_a_magnitude_in_the_terminal_cost(rigid_body: dict[str, Any], terminal: str) -> None:
+    """Time 2.6, and 2.5 times the price (and the way, 1): bursts of length a with a (2.6 - a) = 1.
+
+    What else it must not exceed is no obstacle: fuel - w of 2 at most, where it is 0.48 times 2.
+    """
+    problem = rigid_body["problem"]
+    problem["model"]["parameters"] = {"m": 1, "w": 1}
+    problem |= {
+        "final_time": 2.6,
+        "integrals": [{"name": "fuel", "expression": "abs(u)"}],
+        "objective": {"terminal": terminal},
+        "boundary_constraints": [{"expression": "-(w - fuel)", "bounds": [None, 2]}],
+    }
+    result = result_of({**rigid_body, "method": {"name": "swcm", "J": 5}})
+    assert result["success"], result["message"]
+    fuel = 2.6 - np.sqrt(2.6**2 - 4)
+    assert result["objective"] == pytest.approx(2.5 * fuel + ("x_f" in terminal), rel=1e-3)
+    assert result["integrals"]["fuel"] == pytest.approx(fuel, rel=1e-3)
+    assert result["warnings"] == []
+
+
+@pytest.mark.parametrize("phases", [[], [{"name": "forth", "final_time": 1.5}, {"name": "back"}]])
+@pytest.mark.parametrize(
+    ("cost", "bounds", "fuel"),
+    [({"terminal": "-fuel"}, None, 3.0), ({"running": "u^2"}, [2.5, None], 2.5)],
+    ids=["as much as possible", "at least"],
+)
+def test_an_integral_of_which_more_is_asked_for(
+    rigid_body: dict[str, Any],
+    phases: list[dict[str, Any]],
+    cost: dict[str, str],
+    bounds: list[float | None] | None,
+    fuel: float,
+) -> None:
+    """A slack would be more of it for nothing, over a whole flight of phases too."""
+    problem = rigid_body["problem"]
+    problem |= {
+        "final_time": 3,
+        "integrals": [{"name": "fuel", "expression": "abs(u)", "bounds": bounds}],
+        "objective": cost,
+        "guess": {"controls": {"u": [1, -1]}},
+        "phases": phases,
+    }
+    result = result_of({**rigid_body, "method": {"name": "swcm", "J": 5}})
+    assert result["success"], result["message"]
+    assert result["verification"]["integrals"]["fuel"] == pytest.approx(fuel, rel=2e-2)
+    assert [item["code"] for item in result["warnings"]] == ["nonsmooth"]
+
+
 def test_an_integral_far_below_its_bound_is_told_as_it_is(rigid_body: dict[str, Any]) -> None:
     """Nothing draws the slacks down; the fuel of full force over T = 2 is 2, whatever is allowed."""
     rigid_body["problem"]["integrals"] = [{"name": "fuel", "expression": "abs(u)", "bounds": [None, 50]}]
