@@ -201,6 +201,34 @@ def at_the_same_nodes(first: Curve, second: Curve, function: Callable[[Vector, V
     raise TypeError(f"{type(first).__name__} and {type(second).__name__} have no values at common nodes")
 
 
+def values_of(curve: Curve) -> Vector:
+    """All values of a curve in their order; raises TypeError for one that is not given by values at nodes."""
+    if isinstance(curve, LagrangeCurve):
+        return np.concatenate(curve.values)
+    if isinstance(curve, LinearCurve | QuadraticCurve):
+        return curve.values
+    raise TypeError(f"{type(curve).__name__} has no values at nodes")
+
+
+def through(curve: Curve, function: Callable[[Vector], Vector]) -> Curve:
+    """The curve of the same kind that goes through what ``function`` makes of all its values, in order.
+
+    Raises TypeError for a curve that is not given by values at nodes.
+    """
+    values = function(values_of(curve))
+    if isinstance(curve, LagrangeCurve):
+        ends = np.cumsum([own.size for own in curve.values])[:-1]
+        return replace(curve, values=tuple(np.split(values, ends)))
+    assert isinstance(curve, LinearCurve | QuadraticCurve)
+    return replace(curve, values=values)
+
+
+def by_nodes(curve: Curve, points: Vector) -> Curve:
+    """The curve, or straight lines between its values at ``points`` where no values at nodes make it up."""
+    known = isinstance(curve, LagrangeCurve | LinearCurve | QuadraticCurve)
+    return curve if known else LinearCurve(points, curve(points))
+
+
 def rests_between_breaks(curve: Curve) -> bool:
     """Whether a curve is known to be constant between its breaks."""
     if isinstance(curve, LagrangeCurve):

@@ -69,6 +69,9 @@ def solve(
         session.seconds["total"] = time.perf_counter() - started
         return solution
 
+    if earlier is not None:
+        earlier = formulation.plants[0].solved_from(earlier)
+
     def place(_: int, pointer: str) -> str:
         return place_in_document(spec.problem, pointer)
 

@@ -13,6 +13,9 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
+import numpy as np
+
+from solvers.curves import by_nodes
 from solvers.expressions import Expression, renamed
 from solvers.formulation.data_table import DataTable
 from solvers.formulation.dynamics import Body, Dynamics
@@ -21,6 +24,7 @@ from solvers.formulation.polar import Pair
 from solvers.formulation.quantities import Constraint, Integral, NamedQuantity
 from solvers.formulation.two_sided import TwoSides
 from solvers.models import Formula
+from solvers.phases.trajectory import AnyTrajectory
 from solvers.problem import OptimalControlProblem
 from solvers.trajectory import Trajectory
 
@@ -56,6 +60,21 @@ class Plant:
             controls={name: controls[name] for name in self.problem.controls},
             design={item.name: answer.design[item.name] for item in self.problem.design},
         )
+
+    def solved_from(self, earlier: AnyTrajectory) -> AnyTrajectory:
+        """An earlier answer with the controls that are solved for in the place of those that they make."""
+        if isinstance(earlier, Trajectory):
+            return self._with_made(earlier)
+        return replace(earlier, parts=tuple(map(self._with_made, earlier.parts)))
+
+    def _with_made(self, earlier: Trajectory) -> Trajectory:
+        points = np.union1d(earlier.nodes, earlier.breakpoints)
+        controls = {name: by_nodes(curve, points) for name, curve in earlier.controls.items()}
+        for item in self.made:
+            if controls.keys() >= set(item.controls):
+                found = item.replaced(controls)
+                controls = {name: it for name, it in controls.items() if name not in item.controls} | found
+        return replace(earlier, controls=controls) if self.made else earlier
 
     def switching(self, found: Mapping[str, Any]) -> dict[str, Any]:
         """The ``switching`` of this plant's own controls from that of an answer."""

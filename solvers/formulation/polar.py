@@ -17,9 +17,10 @@ from itertools import combinations
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from solvers.backends import NUMPY
-from solvers.curves import Curve, at_the_same_nodes
+from solvers.curves import Curve, at_the_same_nodes, through, values_of
 from solvers.expressions import Code, Expression, applied, named, operand_of, part_of, product
 from solvers.formulation.other_controls import NewControl, Piece, may_be_replaced, with_other_controls
 from solvers.formulation.quantities import FREE, WHOLE_SPAN, Constraint, Interval
@@ -27,9 +28,12 @@ from solvers.problem import OptimalControlProblem
 
 # What stands beside the squares under the root is a rounding where its root is this part of the length.
 _NEGLIGIBLE = 1e-8
+# A vector of this part of the longest has no direction but that of its roundings.
+_DIRECTED = 1e-4
 # Where expressions are told apart: any points.
 _POINTS = np.array([[0.3, -1.7, 2.9], [-1.1, 0.6, 2.3]])
 
+Vector = NDArray[np.float64]
 Names = tuple[str, str]
 
 
@@ -48,6 +52,14 @@ class Pair:
             name: at_the_same_nodes(size, angle, partial(_component, function))
             for name, function in zip(self.controls, (np.cos, np.sin), strict=True)
         }
+
+    def replaced(self, controls: Mapping[str, Curve]) -> dict[str, Curve]:
+        """The curves of the size and the angle from those of the two controls."""
+        x, y = (controls[name] for name in self.controls)
+        size = at_the_same_nodes(x, y, np.hypot)
+        shortest = _DIRECTED * float(values_of(size).max(initial=0.0))
+        angle = at_the_same_nodes(x, y, partial(_angle, shortest))
+        return {self.size: size, self.angle: through(angle, _continued)}
 
 
 def in_polar(problem: OptimalControlProblem) -> tuple[OptimalControlProblem, tuple[Pair, ...]]:
@@ -198,3 +210,16 @@ class _Lengths:
 
 def _component(function: Callable[[Any], Any], size: Any, angle: Any) -> Any:
     return size * function(angle)
+
+
+def _angle(shortest: float, x: Vector, y: Vector) -> Vector:
+    """The direction of vectors, NaN where they are no longer than the ``shortest``."""
+    return np.where(np.hypot(x, y) > shortest, np.arctan2(y, x), np.nan)
+
+
+def _continued(angles: Vector) -> Vector:
+    """The angles without jumps by whole turns, and between their neighbours where there are none."""
+    known = np.flatnonzero(np.isfinite(angles))
+    if not known.size:
+        return np.zeros_like(angles)
+    return np.interp(np.arange(angles.size), known, np.unwrap(angles[known]))

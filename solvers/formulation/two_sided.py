@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from solvers.curves import Curve, at_the_same_nodes
+from solvers.curves import Curve, at_the_same_nodes, through
 from solvers.expressions import Expression, combined, named
 from solvers.formulation.other_controls import NewControl, may_be_replaced, with_other_controls
 from solvers.problem import OptimalControlProblem
@@ -27,6 +27,11 @@ class TwoSides:
     """A control as the difference of two others."""
 
     control: str
+
+    @property
+    def controls(self) -> tuple[str, ...]:
+        """The control of the document."""
+        return (self.control,)
 
     @property
     def forth(self) -> str:
@@ -51,6 +56,14 @@ class TwoSides:
     def components(self, controls: Mapping[str, Curve]) -> dict[str, Curve]:
         """The curve of the control from those of both sides."""
         return {self.control: at_the_same_nodes(controls[self.forth], controls[self.back], np.subtract)}
+
+    def replaced(self, controls: Mapping[str, Curve]) -> dict[str, Curve]:
+        """The curves of both sides from that of the control."""
+        curve = controls[self.control]
+        return {
+            self.forth: through(curve, lambda values: np.maximum(values, 0.0)),
+            self.back: through(curve, lambda values: np.maximum(-values, 0.0)),
+        }
 
     def switching(self, found: Mapping[str, Any]) -> dict[str, Any]:
         """The ``switching`` of the control from those of both sides."""

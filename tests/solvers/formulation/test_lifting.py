@@ -11,6 +11,7 @@ import pytest
 from solvers.sizes import problem_size
 from solvers.solve import solve
 from solvers.spec import check_document
+from solvers.trajectory import Trajectory
 from tests.solvers.output.test_outputs import each_method, result_of
 from tests.solvers.spec.editing import edited, faults_of
 
@@ -86,6 +87,13 @@ def test_fuel_by_arcs(rigid_body: dict[str, Any], method: dict[str, Any]) -> Non
     assert switching["times"] == pytest.approx([burst, 3 - burst], abs=1e-9)
     assert switching["levels"] == [1.0, None, -1.0]
     assert switching["arcs"] == ["upper", "interior", "lower"]
+    # From there with more time: the arcs are known.
+    problem["final_time"] = 3.1
+    longer = check_document({**rigid_body, "method": method, "warm_start": "the first one"})
+    again = solve(longer, earlier=Trajectory.from_result(result))
+    assert again.success, again.message
+    assert again.objective == pytest.approx(2 * (3.1 - np.sqrt(3.1**2 - 4)), abs=1e-9)
+    assert again.statistics.iterations <= 6
 
 
 def test_the_fuel_of_the_slew_agrees_with_split_controls(flexible_spacecraft: dict[str, Any]) -> None:
