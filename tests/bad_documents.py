@@ -187,6 +187,8 @@ def _numbers() -> Iterator[BadDocument]:
     yield BadDocument("number: true", _json(changed(pointer, True)), pointer)
     yield BadDocument("number: null", _json(changed(pointer, None)), pointer)
     yield BadDocument("number: list", _json(changed(pointer, [440])), pointer)
+    guess = "/problem/guess/final_time"
+    yield BadDocument("number: no finite guess", _json(changed(guess, "1/(k - k)")), guess)
     yield BadDocument("number: J by a parameter", _json(changed("/method/J", "k/25.0001")), "/method/J")
     yield BadDocument("number: J as fraction", _json(changed("/method/J", 4.5)), "/method/J")
     yield BadDocument("number: J negative", _json(changed("/method/J", -1)), "/method/J")

@@ -213,6 +213,21 @@ class ExpressionIn(Check):
         return VALUE_SCHEMA
 
 
+class ConstantCheck(Check):
+    """A number, or an expression in parameters that has a finite value."""
+
+    def check(self, value: Any, scope: Scope) -> Any:
+        """Return the constant as submitted."""
+        flaws = Flaws()
+        check_constant(value, scope, flaws)
+        flaws.raise_any()
+        return value
+
+    def schema(self) -> dict[str, Any]:
+        """A number or an expression."""
+        return VALUE_SCHEMA
+
+
 class BoundCheck(Check):
     """A value (equal to) or ``[lower, upper]``, either side ``null`` for none."""
 

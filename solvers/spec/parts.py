@@ -11,7 +11,7 @@ from solvers.spec.faults import refuse
 from solvers.spec.fields import (
     Bound,
     BoundaryExpression,
-    ExpressionIn,
+    ConstantCheck,
     PathExpression,
     Text,
     Window,
@@ -23,7 +23,7 @@ from solvers.spec.values import BoundValue, Interval, Value, evaluate_constant
 
 Name = Annotated[str, Text(200)]
 OutputName = Annotated[str, Text()]
-Constant = Annotated[Value, ExpressionIn("constant")]
+Constant = Annotated[Value, ConstantCheck()]
 Ends = Annotated[dict[str, BoundValue], BoundTable("state", star=True)]
 History = list[Value] | dict[str, list[Value]]
 

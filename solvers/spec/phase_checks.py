@@ -56,13 +56,13 @@ def _check_begins(
     scope: Scope, views: Sequence[PhaseView], links: Sequence[Mapping[str, Any]], flaws: Flaws
 ) -> None:
     """Every state of a later phase comes from the phase before, a jump, or its own initial state."""
-    jumps = {link.get("to"): mapping(link.get("jump")) for link in links}
+    jumps = {_text(link.get("to")): mapping(link.get("jump")) for link in links}
     before: Collection[str] | None = None
     for view in views:
         own = phase_scope(scope, view)
         states = (*own.states, *own.rated)
         initial = mapping(view.phase.get("initial_state")).keys() | mapping(view.phase.get("initial_control"))
-        known = {*initial, *jumps.get(view.phase.get("name"), ())}
+        known = {*initial, *jumps.get(_text(view.phase.get("name")), ())}
         if view.index and before is not None and own.known and "*" not in known:
             for name in states:
                 if name not in before and name not in known:
@@ -113,12 +113,18 @@ def _over_the_flight(problem: Mapping[str, Any]) -> Iterator[tuple[Path, Any]]:
 
 def _not_done(document: Mapping[str, Any]) -> Iterator[tuple[Path, str]]:
     """Yield what a flight of phases cannot work with yet: place in the document, and what it is."""
-    if _method(document) not in _METHODS:
-        yield ("method", "name"), f"the method {_method(document)}"
+    method = _method(document)
+    if method is not None and method not in _METHODS:
+        yield ("method", "name"), f"the method {method}"
 
 
-def _method(document: Mapping[str, Any]) -> object:
-    return mapping(document.get("method")).get("name", "auto")
+def _method(document: Mapping[str, Any]) -> str | None:
+    return _text(mapping(document.get("method")).get("name", "auto"))
+
+
+def _text(value: object) -> str | None:
+    """A name, None for what is none: that is reported where it stands."""
+    return value if isinstance(value, str) else None
 
 
 def _interval(bound: Any, model: Any) -> Interval | None:

@@ -151,6 +151,8 @@ def _sentence(error: ErrorDetails) -> str:
             return f"must be an object, not {found}"
         case "list_type":
             return f"must be a list, not {found}"
+        case "bool_type" | "bool_parsing":
+            return f"must be true or false, not {found}"
         case "invalid_key":
             return "a key must be text"
         case _:

@@ -58,6 +58,8 @@ def faults(**changes: Any) -> dict[str, str]:
         ({"links": [{"from": "one", "to": "two"}] * 2}, "/problem/links/1/to", "already"),
         ({"phases": [], "links": [{"from": "one", "to": "two"}]}, "/problem/links", "there are none"),
         ({"second": {"name": "one"}}, "/problem/phases/1/name", "already"),
+        ({"second": {"name": ["two"]}}, "/problem/phases/1/name", "must be text, not a list"),
+        ({"links": [{"from": "one", "to": {}}]}, "/problem/links/0/to", "must be text, not an object"),
         ({"second": {"name": "a b"}}, "/problem/phases/1/name", "is not a name"),
         ({"second": {"fnal_time": 3}}, "/problem/phases/1/fnal_time", "did you mean 'final_time'"),
         ({"second": {"final_time": 0.05}}, "/problem/phases/1/final_time", "is not after"),

@@ -40,7 +40,7 @@ FAULTS: list[tuple[Any, str, str]] = [
         "outside its bounds [-1, 1]",
     ),
     ({"cases": [{"name": "a", "parameters": {"m": 0}}]}, "/cases/0/parameters", "singular at the start"),
-    ({"cases": [SOFT], "nominal": 1}, "/nominal", "bool"),
+    ({"cases": [SOFT], "nominal": 1}, "/nominal", "true or false"),
     ({"cases": [SOFT], "nominal": False, "objective": "nominal"}, "/objective", "is no plant here"),
     ({"cases": [SOFT], "objective": "best"}, "/objective", "'nominal', 'mean' or 'worst'"),
     ({"cases": [{"name": f"c{i}"} for i in range(17)]}, "/cases", "at most 16 cases"),
