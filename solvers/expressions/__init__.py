@@ -8,11 +8,13 @@ from solvers.expressions.compose import (
     combined,
     named,
     operand_of,
+    operands_of,
     part_of,
     positive_part,
     product,
     renamed,
     total,
+    without,
 )
 from solvers.expressions.expression import Code, Expression
 from solvers.expressions.parser import (
@@ -50,6 +52,7 @@ __all__ = [
     "did_you_mean",
     "named",
     "operand_of",
+    "operands_of",
     "parse",
     "part_of",
     "positive_part",
@@ -58,4 +61,5 @@ __all__ = [
     "renamed",
     "total",
     "unknown_function",
+    "without",
 ]

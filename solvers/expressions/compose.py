@@ -92,3 +92,27 @@ def part_of(expression: Expression, start: int, stop: int) -> Expression:
     # Structures are told apart by their texts: this one is as long as the part.
     text = " ".join(str(getattr(payload, "__name__", payload)) for _, payload in program)
     return Expression(text, names, operations, program, called)
+
+
+def operands_of(expression: Expression) -> tuple[Instruction, list[Expression]]:
+    """Return the last operation of an expression and its operands."""
+    program = expression.program
+    last = len(program) - 1
+    code = program[last][0]
+    if code in (Code.NAME, Code.NUMBER):
+        return program[last], []
+    if code not in (Code.OPERATOR, Code.PAIR):
+        return program[last], [part_of(expression, 0, last)]
+    right = operand_of(program)
+    return program[last], [part_of(expression, 0, right), part_of(expression, right, last)]
+
+
+def without(expression: Expression, name: str) -> Expression:
+    """Return the expression with a name taken as 0."""
+    program = tuple(
+        (Code.NUMBER, 0.0) if (code, payload) == (Code.NAME, name) else (code, payload)
+        for code, payload in expression.program
+    )
+    positions = {key: place for key, place in expression.positions.items() if key != name}
+    text = f"{expression.text} [{name}: 0]"
+    return Expression(text, positions, expression.operations, program, expression.called)

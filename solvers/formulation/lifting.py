@@ -12,16 +12,35 @@ document can use; the verification flies the document's own expressions.
 from __future__ import annotations
 
 import operator
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from solvers.backends import NUMPY
-from solvers.expressions import Code, Expression, combined, named, operand_of, parse, part_of, product
+from solvers.expressions import (
+    Code,
+    Expression,
+    combined,
+    named,
+    operand_of,
+    operands_of,
+    parse,
+    part_of,
+    product,
+    total,
+    without,
+)
 from solvers.expressions.expression import Instruction, divide
-from solvers.formulation.quantities import FREE, Constraint, DesignParameter, Integral, Interval, Total
+from solvers.formulation.integral_costs import (
+    constant,
+    exact_integrals,
+    held_integral,
+    multiple_of,
+    said_at_the_ends,
+)
+from solvers.formulation.quantities import FREE, Constraint, DesignParameter, Interval
 from solvers.formulation.two_sided import TwoSides, may_be_split, with_sides
 from solvers.problem import OptimalControlProblem
 
@@ -76,6 +95,8 @@ def lifted(
     (:mod:`solvers.formulation.two_sided`). ``exact``: integrals that count elsewhere, and may not be more
     than they are.
     """
+    if split:
+        problem = _counted_along(problem)
     work = _Lifting(problem, {side.control: side for side in may_be_split(problem)} if split else {})
     running = problem.running_cost
     if running is not None:
@@ -114,71 +135,24 @@ def lifted(
     )
 
 
-Held = tuple[Expression, Interval]
-"""What is said at the end: an expression, and the interval in which it must be."""
+def _counted_along(problem: OptimalControlProblem) -> OptimalControlProblem:
+    """The problem in which integrals of corners that the terminal cost adds are a running cost instead.
 
-
-def said_at_the_ends(boundary: Iterable[Constraint], terminal_cost: Expression | None) -> Iterator[Held]:
-    """Yield what boundary constraints hold; a cost is held from above."""
-    yield from ((item.expression, item.interval) for item in boundary)
-    if terminal_cost is not None:
-        yield terminal_cost, (-np.inf, 0.0)
-
-
-def held_integral(item: Integral | Total) -> Held:
-    """An integral, and the interval in which it is held."""
-    return named(item.name), item.interval
-
-
-def exact_integrals(
-    integrals: Iterable[Integral | Total], held: Sequence[Held], parameters: Mapping[str, float]
-) -> frozenset[str]:
-    """The integrals that may not be more than they are: more of them is not always worse, or no worse."""
-
-    def worse(name: str, expression: Expression, interval: Interval) -> bool:
-        slope = _slope(expression, name, parameters)
-        if slope is None:
-            return False
-        return slope == 0.0 or interval[0 if slope > 0.0 else 1] == (-np.inf if slope > 0.0 else np.inf)
-
-    names = [item.name for item in integrals]
-    return frozenset(name for name in names if not all(worse(name, *item) for item in held))
-
-
-def _slope(expression: Expression, name: str, parameters: Mapping[str, float]) -> float | None:
-    """By how much an expression grows with a name where it is a sum of constant multiples, else None."""
-    factor, slope = 1.0, 0.0
-    # A long sum is a deep tree on its left: it is walked down, not called down.
-    while name in expression.names:
-        (code, payload), operands = _split(expression)
-        mark = _MARKS.get(payload, "") if code == Code.OPERATOR else ""
-        left = operands[0] if operands else expression
-        if code == Code.NAME:
-            return slope + factor
-        if code == Code.NEGATE:
-            factor, expression = -factor, left
-        elif mark in ("+", "-"):
-            right = _slope(operands[1], name, parameters)
-            if right is None:
-                return None
-            slope += factor * right * (1.0 if mark == "+" else -1.0)
-            expression = left
-        elif mark in ("*", "/") and (value := _constant(operands[1], parameters)) is not None:
-            factor, expression = factor * value if mark == "*" else factor / value, left
-        elif mark == "*" and (value := _constant(left, parameters)) is not None:
-            factor, expression = factor * value, operands[1]
-        else:
-            return None
-    return slope
-
-
-def _constant(expression: Expression, parameters: Mapping[str, float]) -> float | None:
-    """What a factor is worth that only numbers and parameters make up, if it is finite and not zero."""
-    if not expression.names <= parameters.keys():
-        return None
-    with np.errstate(all="ignore"):
-        value = float(expression.evaluate(parameters, NUMPY.functions))
-    return value if np.isfinite(value) and value != 0.0 else None
+    As such they may be split.
+    """
+    terminal, parameters = problem.terminal_cost, problem.parameters
+    if terminal is None:
+        return problem
+    running = [] if problem.running_cost is None else [problem.running_cost]
+    for item in problem.integrals:
+        factor = multiple_of(terminal, item.name, parameters)
+        weight = None if factor is None else constant(factor, parameters)
+        if factor is None or weight is None or not has_corners(item.expression):
+            continue
+        if not has_corners(_Lifting(problem).lift(item.expression, weight)):
+            running.append(product(factor, item.expression))
+            terminal = without(terminal, item.name)
+    return replace(problem, running_cost=total(running) if running else None, terminal_cost=terminal)
 
 
 def is_slack(name: str) -> bool:
@@ -249,7 +223,7 @@ class _Lifting:
             right = part_of(expression, operand_of(program[:stop]), stop - 1) if mark else None
             if right is not None and mark in "+-":
                 behind.append((mark, right, sign if mark == "+" else -sign))
-            elif right is not None and (factor := _constant(right, self.problem.parameters)) is not None:
+            elif right is not None and (factor := constant(right, self.problem.parameters)) is not None:
                 behind.append((mark, right, None))
                 sign *= float(np.sign(factor))
             else:
@@ -264,12 +238,12 @@ class _Lifting:
 
     def _lift_last(self, expression: Expression, sign: float) -> Expression:
         """The same where the last operation has nothing to its left that could be lifted by itself."""
-        (code, payload), operands = _split(expression)
+        (code, payload), operands = operands_of(expression)
         if code == Code.NEGATE:
             return product(parse(-1.0), self.lift(operands[0], -sign))
         if code == Code.OPERATOR and payload is operator.mul:
             left, right = operands
-            factor = _constant(left, self.problem.parameters)
+            factor = constant(left, self.problem.parameters)
             if factor is not None:
                 return combined("*", left, self.lift(right, sign * np.sign(factor)))
         if code == Code.CALL and payload == "abs" and sign > 0.0 and operands[0].text in self.sides:
@@ -292,19 +266,6 @@ class _Lifting:
             expression = combined("-", named(name), item)
             self.limits.append(Constraint(f"{name}/{number}", f"/{name}/{number}", expression, _ABOVE))
         return named(name)
-
-
-def _split(expression: Expression) -> tuple[Instruction, list[Expression]]:
-    """The last operation of an expression and its operands."""
-    program = expression.program
-    last = len(program) - 1
-    code = program[last][0]
-    if code in (Code.NAME, Code.NUMBER):
-        return program[last], []
-    if code not in (Code.OPERATOR, Code.PAIR):
-        return program[last], [part_of(expression, 0, last)]
-    right = operand_of(program)
-    return program[last], [part_of(expression, 0, right), part_of(expression, right, last)]
 
 
 def _along_the_guess(problem: OptimalControlProblem, expression: Expression) -> Vector:

@@ -20,14 +20,12 @@ from numpy.typing import NDArray
 from solvers.backends import NUMPY, Backend
 from solvers.errors import pointer
 from solvers.expressions import Expression
+from solvers.formulation.integral_costs import exact_integrals, held_integral, said_at_the_ends
 from solvers.formulation.lifting import (
     FLIGHT_PEAK,
     corners,
-    exact_integrals,
     has_corners,
-    held_integral,
     nonsmooth,
-    said_at_the_ends,
 )
 from solvers.formulation.plants import Plant
 from solvers.formulation.quantities import Constraint, Total
@@ -109,7 +107,7 @@ class PhasedProblem:
 
     @property
     def exact_integrals(self) -> frozenset[str]:
-        """The integrals that may not be more than they are; see :mod:`solvers.formulation.lifting`."""
+        """The integrals that may not be more than they are; see :mod:`solvers.formulation.integral_costs`."""
         held = [*said_at_the_ends(self.boundary, self.terminal_cost), *map(held_integral, self.totals)]
         return exact_integrals(self.totals, held, self.parameters)
 
