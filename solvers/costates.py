@@ -24,7 +24,8 @@ def second_order_costates(
     """Costates (2 n, K) at the knots of ``space``, from multipliers mu (K, n) of the residual there.
 
     -M' mu_k is the integral of lambda_v against the spline of degree 1 that is 1 at knot k; then
-    lambda_v' = -dH/dv gives lambda_q = -lambda_v' - (da/dv)' lambda_v - dL/dv.
+    lambda_v' = -dH/dv gives lambda_q = -lambda_v' - (da/dv)' lambda_v - dL/dv. NaN where the multipliers are
+    not known, as where the model had no finite value.
     """
     dynamics = problem.dynamics
     n = dynamics.coordinates
@@ -44,6 +45,8 @@ def second_order_costates(
     of_velocities = ca.Function("of_velocities", [x, mu], [-ca.mtimes(mass.T, mu)])
     averaged = of_velocities.map(tau.size)(numbers[0], multipliers.T).full()
     lambda_v = space.dual_values(averaged.T, 2).T
+    if not np.isfinite(lambda_v).all():
+        return np.full((2 * n, tau.size), np.nan)
     lambda_v_rate = CubicSpline(tau, lambda_v, axis=1)(tau, 1) / trajectory.duration
     slope = ca.Function("slope", [x, u, t, velocity_costate], [ca.gradient(hamiltonian, x[n : 2 * n])])
     dissipation = slope.map(tau.size)(*numbers, lambda_v).full()

@@ -35,7 +35,10 @@ _SENTENCES = {
         "The iteration limit was reached before convergence. Raise options.max_iterations or give a better "
         "guess."
     ),
-    SolveStatus.TIME_LIMIT: "The time limit was reached before convergence. Raise options.max_seconds.",
+    SolveStatus.TIME_LIMIT: (
+        "The time limit was reached before convergence. Raise options.max_seconds, or deadline_seconds where "
+        "that was sooner."
+    ),
     SolveStatus.DIVERGED: (
         "The iterates grew without bound or the optimizer failed. Bound the states and controls, check the "
         "scaling of the problem, or give a better guess."

@@ -117,6 +117,8 @@ class ControlledModel:
             return (duration * self._rates(states, controls, self._trajectory.time(tau[copies]))).ravel()
 
         extra = self._integrals
+        if not np.isfinite(starts).all():
+            raise FlightError("an arc begins where a state is not finite")
         start = np.vstack([starts, np.zeros((extra, count))])
         if not np.isfinite(rate(0.0, start.ravel())).all():
             raise FlightError("the model has no finite rate at the start of an arc")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
 import pytest
 
 from solvers.solve import solve
@@ -56,6 +57,17 @@ def test_the_message_names_the_expression_and_what_it_has_not(fault: str) -> Non
     assert "x = 0" in solution.message or "x_f = 0" in solution.message
     assert "; what helps is" in solution.message
     assert ("gpm" in solution.message) == (fault in ("slope", "curvature"))
+
+
+@pytest.mark.parametrize("method", ["swcm", "gpm"])
+def test_a_mechanical_model_without_a_value_is_named(
+    flexible_spacecraft: dict[str, Any], method: str
+) -> None:
+    flexible_spacecraft["problem"]["model"]["force"] = [0, "sqrt(-1 - theta^2)"]
+    solution = solve(check_document({**flexible_spacecraft, "method": {"name": method}}))
+    assert solution.status.value == "evaluation_error"
+    assert "/problem/model/force/1: 'sqrt(-1 - theta^2)' has no finite value at t = 0 (" in solution.message
+    assert np.isnan(solution.costates).all()
 
 
 @pytest.mark.parametrize(
