@@ -60,8 +60,9 @@ def solve(
     allowed = spec.verification_tolerances()["terminal_error"]
     formulation = formulate(spec.problem, allowed)
     seconds = min(spec.options.max_seconds, seconds)
-    genetic = isinstance(spec.method, GeneticMethod)
-    problem = formulation.simulated if genetic else formulation.problem
+    if isinstance(spec.method, GeneticMethod):
+        formulation = formulation.as_simulated()
+    problem = formulation.problem
     session = _session(spec, problem, progress or SilentProgress(), seconds)
     session.seconds["build"] = time.perf_counter() - started
     if isinstance(spec.method, GeneticMethod):

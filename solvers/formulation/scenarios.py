@@ -40,6 +40,11 @@ class Formulation:
     implied: tuple[str, ...] = ()
     """States whose ends follow from the others, and are held a little less tightly."""
 
+    def as_simulated(self) -> Formulation:
+        """For what solves the simulated problem: there every plant has the document's own controls."""
+        plants = tuple(replace(plant, made=()) for plant in self.plants)
+        return replace(self, problem=self.simulated, plants=plants)
+
     def warnings(self, solved: OptimalControlProblem) -> list[dict[str, str]]:
         """What was not held exactly, and why; where the objective has corners that no slack takes away.
 

@@ -72,16 +72,25 @@ def test_fuel(rigid_body: dict[str, Any], method: dict[str, Any], cost: str) -> 
     assert not [item for item in result["warnings"] if item["code"] == "nonsmooth"]
 
 
-@pytest.mark.parametrize("method", [{"name": "auto"}, {"name": "gpm", "refine": "switching"}])
-def test_fuel_by_arcs(rigid_body: dict[str, Any], method: dict[str, Any]) -> None:
+@pytest.mark.parametrize(
+    ("method", "cost"),
+    [
+        ({"name": "auto"}, {"terminal": "0*x_f - -fuel*2"}),
+        ({"name": "gpm", "refine": "switching"}, {"running": "2*abs(u) + 0*x"}),
+    ],
+    ids=["auto", "gpm"],
+)
+def test_fuel_by_arcs(rigid_body: dict[str, Any], method: dict[str, Any], cost: dict[str, str]) -> None:
     """Time 3, and twice the price: a (3 - a) = 1 between bursts that end and begin exactly."""
     problem = rigid_body["problem"]
-    problem |= {"final_time": 3, "objective": {"running": "2*abs(u) + 0*x"}}
+    problem["integrals"] = [{"name": "fuel", "expression": "abs(u)"}]
+    problem |= {"final_time": 3, "objective": cost}
     result = result_of({**rigid_body, "method": method})
     assert result["success"], result["message"]
     assert result["method"]["refine"] == "switching"
     burst = (3 - np.sqrt(5)) / 2
     assert result["objective"] == pytest.approx(4 * burst, abs=1e-9)
+    assert result["integrals"]["fuel"] == pytest.approx(2 * burst, abs=1e-9)
     assert list(result["nodes"]["controls"]) == ["u"]
     (switching,) = result["switching"].values()
     assert switching["times"] == pytest.approx([burst, 3 - burst], abs=1e-9)
@@ -94,6 +103,16 @@ def test_fuel_by_arcs(rigid_body: dict[str, Any], method: dict[str, Any]) -> Non
     assert again.success, again.message
     assert again.objective == pytest.approx(2 * (3.1 - np.sqrt(3.1**2 - 4)), abs=1e-9)
     assert again.statistics.iterations <= 6
+
+
+def test_fuel_is_flown_as_it_stands_by_a_genetic_search(rigid_body: dict[str, Any]) -> None:
+    """There the control is the document's own, not two sides of it."""
+    problem = rigid_body["problem"]
+    problem |= {"final_time": 3, "objective": {"running": "abs(u)"}}
+    ga = {"name": "ga", "generations": 20, "population": 20, "polish": False}
+    result = solve(check_document({**rigid_body, "method": ga})).result()
+    assert list(result["nodes"]["controls"]) == ["u"]
+    assert result["verification"]["objective"] == pytest.approx(result["energy"], rel=1e-2)
 
 
 def test_the_fuel_of_the_slew_agrees_with_split_controls(flexible_spacecraft: dict[str, Any]) -> None:
