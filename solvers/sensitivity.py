@@ -102,7 +102,7 @@ def slopes(
     found: dict[str, float | None] = {}
     for place, value, parameters in varied:
         number = evaluate_constant(value, parameters)
-        step = _STEP * (abs(number) or 1.0)
+        step = _STEP * abs(number) or _STEP  # of a number that is too small for a part of it, too
 
         def there(change: float, place: Place = place, number: float = number) -> float:
             return lagrangian(problem_of(_changed(spec, place, number + change)))

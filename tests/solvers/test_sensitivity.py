@@ -30,7 +30,10 @@ def slopes(document: dict[str, Any], method: dict[str, Any]) -> dict[str, float]
 @pytest.mark.parametrize("method", METHODS)
 def test_the_minimum_time_of_a_rigid_body(method: dict[str, Any]) -> None:
     """t_f = t_0 + sqrt(2 m x_f (1/a + 1/b)) for -a <= u <= b, here with a = b = m = x_f = 1."""
-    found = slopes(load_case("rigid_body"), method)
+    document = load_case("rigid_body")
+    # As good as zero, and too small for a part of it.
+    document["problem"]["initial_state"]["x"] = 5e-324
+    found = slopes(document, method)
     expected = {
         "/problem/model/parameters/m": 1.0,
         "/problem/initial_time": 1.0,
