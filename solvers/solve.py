@@ -105,7 +105,9 @@ def solve(
         model = spec.problem.model
         parameters = {name: model.parameters[name] for name in leading.problem.parameters}
         varied = numbers_of(spec.problem, parameters, model.parameter_values())
-        slopes = sensitivity(spec.problem, solved, varied, lambda it: formulate(it, allowed).problem)
+        slopes = sensitivity(
+            spec.problem, solved, varied, lambda it: formulate(it, allowed, formulation).problem
+        )
     solution = Solution(
         spec=spec,
         problem=leading.problem,

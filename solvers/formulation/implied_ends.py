@@ -74,6 +74,18 @@ def relaxed_ends(
     return replace(problem, final_state=tuple(ends)), [problem.states[index] for index in implied]
 
 
+def relaxed_like(
+    problem: OptimalControlProblem, known: OptimalControlProblem, implied: Sequence[str]
+) -> OptimalControlProblem:
+    """The problem with the ends of these states as much wider as in a ``known`` one with other numbers."""
+    ends = list(problem.final_state)
+    for index in map(problem.states.index, implied):
+        lower, upper = known.final_state[index]
+        room = (upper - lower) / 2.0
+        ends[index] = ends[index][0] - room, ends[index][1] + room
+    return replace(problem, final_state=tuple(ends))
+
+
 def _without(row: Vector, basis: Vector) -> Vector:
     """The part of a row outside of the span of an orthonormal basis, twice for the sake of rounding."""
     rest = row - basis.T @ (basis @ row)

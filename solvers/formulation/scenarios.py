@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from solvers.expressions import named
-from solvers.formulation.implied_ends import implied_limit, relaxed_ends
+from solvers.formulation.implied_ends import implied_limit, relaxed_ends, relaxed_like
 from solvers.formulation.lifting import corners, lifted, nonsmooth, with_peak
 from solvers.formulation.plant_objectives import (
     LEVEL,
@@ -66,10 +66,11 @@ def implied_warnings(states: Sequence[str]) -> list[dict[str, str]]:
     return [{"code": "implied_ends", "pointer": "/problem/scenarios", "detail": detail}]
 
 
-def formulate(spec: ProblemSpec, tolerance: float = 0.0) -> Formulation:
+def formulate(spec: ProblemSpec, tolerance: float = 0.0, like: Formulation | None = None) -> Formulation:
     """The problem of a checked document; without scenarios it has one plant, of no name.
 
-    ``tolerance``: the relative error of a final state that the verification allows.
+    ``tolerance``: the relative error of a final state that the verification allows. ``like``: what is solved
+    for nearly the same document, whose ends that follow from others need not be looked for again.
     """
     if spec.scenarios is None:
         problem = stated_problem(spec)
@@ -79,7 +80,10 @@ def formulate(spec: ProblemSpec, tolerance: float = 0.0) -> Formulation:
         return Formulation(solved, whole, (Plant("", problem, made=(*pairs, *sides_of(solved))),))
     parts = [PlantPart.of(case.name, stated_problem(case.spec), case.parameters) for case in cases_of(spec)]
     whole = _chosen(together(parts), parts, spec.scenarios.choice)
-    problem, implied = relaxed_ends(whole, [part.problem.states for part in parts], tolerance)
+    if like is None:
+        problem, implied = relaxed_ends(whole, [part.problem.states for part in parts], tolerance)
+    else:
+        problem, implied = relaxed_like(whole, like.simulated, like.implied), [*like.implied]
     plants = tuple(part.plant.with_implied(implied, implied_limit(tolerance)) for part in parts)
     return Formulation(lifted(problem), problem, plants, tuple(implied))
 
