@@ -65,6 +65,9 @@ _DIVERGED = 1e14
 # two thirds of the time.
 _UNROLLED = 100_000
 
+# So far IPOPT itself moves the bounds of fixed unknowns apart where there are more equations than free ones.
+_ROOM = 1e-8
+
 # A column is dense from this part of all rows on; the two times are dense by nature and do no harm.
 _DENSE_PART = 0.05
 _FEW_DENSE = 4
@@ -148,11 +151,12 @@ class Ipopt:
         started = time.perf_counter()
         watcher = self._watcher
         watcher.begin(program, limits, report)
+        lower, upper = _bounds_with_room(program)
         solution = self._solver(
             x0=program.initial,
             p=program.numbers,
-            lbx=program.lower,
-            ubx=program.upper,
+            lbx=lower,
+            ubx=upper,
             lbg=program.constraint_lower,
             ubg=program.constraint_upper,
         )
@@ -180,6 +184,20 @@ class Ipopt:
             iterates=[*zip(watched, told["obj"], told["inf_pr"], strict=False), last],
             seconds=time.perf_counter() - started,
         )
+
+
+def _bounds_with_room(program: NonlinearProgram) -> tuple[Vector, Vector]:
+    """The bounds of the unknowns; where equations outnumber free ones, fixed ones get the room of a rounding.
+
+    IPOPT does that by itself, by its ``bound_relax_factor``; that is 0 here, and then it crashes.
+    """
+    lower, upper = program.lower, program.upper
+    fixed = lower == upper
+    equations = np.count_nonzero(program.constraint_lower == program.constraint_upper)
+    if np.count_nonzero(~fixed) >= equations:
+        return lower, upper
+    room = np.where(fixed, _ROOM * np.maximum(1.0, np.abs(lower)), 0.0)
+    return lower - room, upper + room
 
 
 def _bounds(program: NonlinearProgram) -> int:

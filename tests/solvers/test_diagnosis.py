@@ -208,3 +208,27 @@ def test_what_has_a_feasible_point_gets_no_diagnosis_but_another_try(
 
 def test_what_is_solved_has_no_diagnosis(rigid_body: Document) -> None:
     assert solve(check_document(rigid_body)).result()["diagnosis"] is None
+
+
+@pytest.mark.parametrize("method", [{"name": "swcm", "J": 2}, {"name": "gpm", "nodes": 10}])
+def test_a_control_that_is_given_leaves_more_equations_than_unknowns(method: dict[str, Any]) -> None:
+    """A unit mass that is pushed by 1 for a second ends at x = 1/2 with v = 1, and nowhere else."""
+    model = {"kind": "first_order", "states": ["x", "v"], "controls": ["u"], "dynamics": {"x": "v", "v": "u"}}
+    document = {
+        "problem": {
+            "model": model,
+            "final_time": 1,
+            "initial_state": {"*": 0},
+            "final_state": {"x": 0.5, "v": 1},
+            "bounds": {"u": 1},
+            "objective": {"running": "u^2"},
+        },
+        "method": method,
+    }
+    met = solve(check_document(document))
+    assert met.success, met.message
+    assert met.objective == pytest.approx(1.0, abs=1e-6)
+    document["problem"]["final_state"]["x"] = 0.75
+    missed = solve(check_document(document))
+    assert missed.status.value == "infeasible"
+    assert {"/problem/bounds/u", "/problem/final_state/x"} & {item["pointer"] for item in missed.diagnosis}
