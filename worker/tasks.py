@@ -151,6 +151,11 @@ class JobRequest(Request):
         # connect anew.
         super().__init__(*args, **kwargs | {"connection_errors": ()})
 
+    def on_accepted(self, pid: str, time_accepted: float) -> None:
+        """Note at the broker that the message is held, now that a child is at work."""
+        super().on_accepted(pid, time_accepted)
+        self.message.channel.qos.note()
+
     def on_timeout(self, soft: bool, timeout: float) -> None:
         """Write the end of a job whose child was killed because it overstayed the hard time limit."""
         if not soft:

@@ -58,7 +58,7 @@ def test_a_message_is_noted_as_kombu_notes_it(redis: Redis, queue_settings: Queu
         # A socket's address is all that kombu's own transport is told here.
         with fetching(queue_settings, transport) as fetch:
             fetched = fetch()
-            # Whatever is done about messages next reads the answer first; so do we.
+            # Whatever is done about messages next notes it and reads the answer first; so do we.
             fetched.channel.qos.ack("another")
             ((tag, (since, (noted, *where))),) = held(redis, queue_settings).items()
             assert (tag, noted) == (fetched.delivery_tag, message)

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from worker.scripts.common import COMMON
+from worker.scripts.common import script
 
-RECLAIM = (
-    COMMON
-    + """
+RECLAIM = script("""
 -- ARGV[7] losses that end the job, ARGV[8] the error it then has.
-if status() ~= 'running' then
+if record.status ~= 'running' then
   redis.call('ZREM', KEYS[5], ARGV[1])
   return 0
 end
@@ -16,22 +14,17 @@ if held() or not survives(ARGV[7], ARGV[8]) then return 0 end
 count('reclaimed')
 requeue()
 return 1
-"""
-)
+""")
 """Put a running job that nobody owns any more back to queued, 1 if it is to be published again."""
 
-GIVE_UP = (
-    COMMON
-    + """
+GIVE_UP = script("""
 -- ARGV[7] the error.
-local now = status()
-if now == 'running' then return 0 end
-if now == 'queued' and overdue() then
+if record.status == 'running' then return 0 end
+if record.status == 'queued' and overdue() then
   finish('failed', ARGV[7])
   return 1
 end
 redis.call('ZREM', KEYS[8], ARGV[1])
 return 0
-"""
-)
+""")
 """End a waiting job whose deadline has passed; a running one ends by itself."""

@@ -18,16 +18,38 @@ from __future__ import annotations
 
 from worker.counts import BUCKETS
 
-COMMON = """
-local function status() return redis.call('HGET', KEYS[1], 'status') end
-local function queued()
-  return ({high = KEYS[9], normal = KEYS[10], low = KEYS[11]})[redis.call('HGET', KEYS[1], 'priority')]
+_COMMON = """
+-- The record, read once; what is changed of it is written once, at the end.
+local record, changed, dropped = {}, {}, {}
+do
+  local words = redis.call('HGETALL', KEYS[1])
+  for at = 1, #words, 2 do record[words[at]] = words[at + 1] end
 end
-local function project() return redis.call('HGET', KEYS[1], 'project') end
-local function mine(owner) return status() == 'running' and redis.call('HGET', KEYS[1], 'owner') == owner end
+local function set(name, value)
+  if type(value) == 'number' then value = string.format('%.17g', value) end
+  record[name], changed[name] = value, value
+end
+local function drop(name)
+  if record[name] then dropped[#dropped + 1] = name end
+  record[name], changed[name] = nil, nil
+end
+local function words_of(members)
+  local words = {}
+  for name, value in pairs(members) do
+    words[#words + 1] = name
+    words[#words + 1] = value
+  end
+  return words
+end
+local function save()
+  if #dropped > 0 then redis.call('HDEL', KEYS[1], unpack(dropped)) end
+  local words = words_of(changed)
+  if #words > 0 then redis.call('HSET', KEYS[1], unpack(words)) end
+end
+local function queued() return ({high = KEYS[9], normal = KEYS[10], low = KEYS[11]})[record.priority] end
+local function mine(owner) return record.status == 'running' and record.owner == owner end
 local function owned_by(worker)
-  local owner = redis.call('HGET', KEYS[1], 'owner')
-  return status() == 'running' and owner and string.sub(owner, 1, #worker) == worker
+  return record.status == 'running' and record.owner and string.sub(record.owner, 1, #worker) == worker
 end
 local function clock()
   local time = redis.call('TIME')
@@ -47,12 +69,11 @@ end
 local function count(name, by) redis.call('HINCRBY', KEYS[7], name, by or 1) end
 local buckets = {BUCKETS}
 local function count_end(to, failure)
-  local record = redis.call('HMGET', KEYS[1], 'method', 'started_at')
   local outcome = failure == '' and to or cjson.decode(failure).type
-  count('ended ' .. record[1] .. ' ' .. to .. ' ' .. outcome)
-  if not record[2] then return end
-  local seconds = math.max(0, ARGV[3] - record[2])
-  local name = record[1] .. ' ' .. outcome
+  count('ended ' .. record.method .. ' ' .. to .. ' ' .. outcome)
+  if not record.started_at then return end
+  local seconds = math.max(0, ARGV[3] - record.started_at)
+  local name = record.method .. ' ' .. outcome
   redis.call('HINCRBYFLOAT', KEYS[7], 'seconds ' .. name, string.format('%.6f', seconds))
   for _, bucket in ipairs(buckets) do
     if seconds <= bucket then return count('within ' .. name .. ' ' .. bucket) end
@@ -64,58 +85,62 @@ local function note(event, data)
 end
 local function tell(word) redis.call('PUBLISH', ARGV[2], ARGV[1] .. ' ' .. word) end
 local function note_status()
-  local record = redis.call('HMGET', KEYS[1], 'status', 'attempts', 'cancel', 'error')
-  note('status', '{"status":"' .. record[1] .. '","attempts":' .. (record[2] or 0) .. ',"cancel_requested":'
-    .. tostring(record[3] == '1') .. ',"error":' .. (record[4] or 'null') .. ',"at":' .. ARGV[3] .. '}')
+  note('status', '{"status":"' .. record.status .. '","attempts":' .. (record.attempts or 0)
+    .. ',"cancel_requested":' .. tostring(record.cancel == '1')
+    .. ',"error":' .. (record.error or 'null') .. ',"at":' .. ARGV[3] .. '}')
 end
+-- Let whoever has seen the record before know that it is another now.
+local function renewed() set('version', record.version + 1) end
 local function move(to)
-  redis.call('HSET', KEYS[1], 'status', to)
-  redis.call('HINCRBY', KEYS[1], 'version', 1)
+  set('status', to)
+  renewed()
   redis.call('ZREM', queued(), ARGV[1])
   redis.call('ZREM', KEYS[5], ARGV[1])
-  if to == 'queued' then redis.call('ZADD', queued(), redis.call('HGET', KEYS[1], 'created_at'), ARGV[1]) end
+  if to == 'queued' then redis.call('ZADD', queued(), record.created_at, ARGV[1]) end
   if to == 'running' then lend(tonumber(ARGV[6])) end
   note_status()
 end
 local parts = {KEYS[1], KEYS[2], KEYS[3], KEYS[6]}
 -- Keep an ended job for its time, and then only that it existed.
 local function expire()
-  redis.call('HSET', KEYS[1], 'expires_at', ARGV[3] + ARGV[4])
+  set('expires_at', ARGV[3] + ARGV[4])
   for _, key in ipairs(parts) do redis.call('EXPIRE', key, ARGV[4]) end
-  redis.call('SET', KEYS[4], project(), 'EX', ARGV[4] + ARGV[5])
+  redis.call('SET', KEYS[4], record.project, 'EX', ARGV[4] + ARGV[5])
 end
 local function finish(to, failure)
   count_end(to, failure)
-  redis.call('HSET', KEYS[1], 'finished_at', ARGV[3])
-  redis.call('HDEL', KEYS[1], 'owner')
+  set('finished_at', ARGV[3])
+  drop('owner')
   redis.call('ZREM', KEYS[8], ARGV[1])
-  if failure ~= '' then redis.call('HSET', KEYS[1], 'error', failure) end
+  if failure ~= '' then set('error', failure) end
   move(to)
-  if redis.call('HGET', KEYS[1], 'pinned') ~= '1' then expire() end
+  if record.pinned ~= '1' then expire() end
   -- With the record, so that whoever waits for the end need not ask.
-  tell('end ' .. cjson.encode(redis.call('HGETALL', KEYS[1])))
+  tell('end ' .. cjson.encode(words_of(record)))
 end
-local function overdue()
-  local deadline = redis.call('HGET', KEYS[1], 'deadline_at')
-  return deadline and tonumber(deadline) <= tonumber(ARGV[3])
-end
+local function overdue() return record.deadline_at and tonumber(record.deadline_at) <= tonumber(ARGV[3]) end
 local function keep(result, bytes)
   redis.call('SET', KEYS[3], result)
-  redis.call('HSET', KEYS[1], 'has_result', '1')
+  set('has_result', '1')
   note('result', '{"bytes":' .. bytes .. '}')
 end
 local function requeue()
-  redis.call('HDEL', KEYS[1], 'owner', 'started_at', 'progress')
+  for _, name in ipairs({'owner', 'started_at', 'progress'}) do drop(name) end
   move('queued')
   tell('status')
 end
 -- Count a lost worker; false if that was the end of the job.
 local function survives(losses, failure)
-  if redis.call('HGET', KEYS[1], 'cancel') == '1' then finish('cancelled', '') return false end
+  if record.cancel == '1' then finish('cancelled', '') return false end
   count('losses')
-  if redis.call('HINCRBY', KEYS[1], 'losses', 1) < tonumber(losses) then return true end
+  set('losses', (record.losses or 0) + 1)
+  if tonumber(record.losses) < tonumber(losses) then return true end
   finish('failed', failure)
   return false
 end
 """.replace("BUCKETS", ", ".join(BUCKETS))
-"""Stands before the text of every script about one job."""
+
+
+def script(body: str) -> str:
+    """Return the text of a script about one job; what ``body`` returns is its answer."""
+    return f"{_COMMON}local function main()\n{body}end\nlocal answer = main()\nsave()\nreturn answer\n"

@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-from worker.scripts.common import COMMON
+from worker.scripts.common import script
 
-START = (
-    COMMON
-    + """
+START = script("""
 -- ARGV[7] owner, ARGV[8] losses that end the job, ARGV[9] the error it then has, ARGV[10] 1 if the message
 -- was delivered before, ARGV[11] the error of a job whose deadline has passed.
 if ARGV[10] == '1' then count('redeliveries') end
-local function assignment() return {redis.call('HGETALL', KEYS[1]), redis.call('GET', KEYS[2])} end
-local now = status()
+local function assignment() return {words_of(record), redis.call('GET', KEYS[2])} end
+local now = record.status
 if not now then return 'missing' end
 if now == 'running' then
   -- The same start asked again because its answer was lost on the way.
@@ -20,108 +18,92 @@ if now == 'running' then
     count('duplicates')
     return 'busy'
   end
-  if not survives(ARGV[8], ARGV[9]) then return status() end
+  if not survives(ARGV[8], ARGV[9]) then return record.status end
 elseif now ~= 'queued' then
   return now
 end
 if overdue() then
   finish('failed', ARGV[11])
-  return status()
+  return record.status
 end
-redis.call('HSET', KEYS[1], 'owner', ARGV[7], 'started_at', ARGV[3])
-redis.call('HDEL', KEYS[1], 'progress')
-redis.call('HINCRBY', KEYS[1], 'attempts', 1)
+set('owner', ARGV[7])
+set('started_at', ARGV[3])
+set('attempts', (record.attempts or 0) + 1)
+drop('progress')
 count('attempts')
 move('running')
 tell('status')
 return assignment()
-"""
-)
+""")
 """Make the job running and this solve its owner.
 
 Answers the record and the document, else ``missing``, ``busy`` (another solve owns the job) or the final
 status.
 """
 
-REPORT = (
-    COMMON
-    + """
+REPORT = script("""
 -- ARGV[7] owner, ARGV[8] progress as JSON or '' for nothing new, ARGV[9] all that is told of it.
 if not mine(ARGV[7]) then return 'lost' end
 local left = tonumber(redis.call('ZSCORE', KEYS[5], ARGV[1]) or 0) - clock()
 if left < ARGV[6] / 2 then lend(tonumber(ARGV[6])) end
 if ARGV[8] ~= '' then
-  redis.call('HSET', KEYS[1], 'progress', ARGV[8])
-  redis.call('HINCRBY', KEYS[1], 'version', 1)
+  set('progress', ARGV[8])
+  renewed()
   note('progress', ARGV[9])
   tell('progress')
 end
-if redis.call('HGET', KEYS[1], 'cancel') == '1' then return 'cancel' end
+if record.cancel == '1' then return 'cancel' end
 return 'go'
-"""
-)
+""")
 """Write progress and renew the lease when half of it is over.
 
 Answers ``go``, ``cancel`` (somebody asks to stop) or ``lost`` (not ours any more).
 """
 
-FINISH = (
-    COMMON
-    + """
+FINISH = script("""
 -- KEYS[12] where the job is to be found by what it answers, if it may be.
 -- ARGV[7] owner, ARGV[8] final status, ARGV[9] error as JSON or '', ARGV[10] compressed result, or where it
 -- is (`worker.results`), or '', ARGV[11] how many bytes it has, ARGV[12] and ARGV[13] the last progress as
 -- REPORT has it.
 if not mine(ARGV[7]) then return 0 end
 if ARGV[12] ~= '' then
-  redis.call('HSET', KEYS[1], 'progress', ARGV[12])
+  set('progress', ARGV[12])
   note('progress', ARGV[13])
 end
 if ARGV[10] ~= '' then keep(ARGV[10], ARGV[11]) end
 if KEYS[12] then redis.call('SET', KEYS[12], ARGV[1], 'EX', ARGV[4]) end
 finish(ARGV[8], ARGV[9])
 return 1
-"""
-)
+""")
 """Write the end of a job, once: 1 if this solve owned it, 0 if nothing was written."""
 
-FAIL = (
-    COMMON
-    + """
+FAIL = script("""
 -- ARGV[7] how the owner's word begins, ARGV[8] error as JSON.
 if not owned_by(ARGV[7]) then return 0 end
 finish('failed', ARGV[8])
 return 1
-"""
-)
+""")
 """End a running job whose child was killed: for the worker's main process, which does not know the word."""
 
-LOSE = (
-    COMMON
-    + """
+LOSE = script("""
 -- ARGV[7] how the owner's word begins, ARGV[8] seconds beyond max_seconds that a solve may take,
 -- ARGV[9] the error of one that took longer.
 if not owned_by(ARGV[7]) then return 0 end
-local record = redis.call('HMGET', KEYS[1], 'started_at', 'max_seconds')
-if ARGV[3] - record[1] >= record[2] + ARGV[8] then
+if ARGV[3] - record.started_at >= record.max_seconds + ARGV[8] then
   finish('failed', ARGV[9])
 else
   redis.call('ZADD', KEYS[5], 0, ARGV[1])
 end
 return 1
-"""
-)
+""")
 """End the lease of a child that has died, and the job if it died because its time was over."""
 
-HAND_BACK = (
-    COMMON
-    + """
+HAND_BACK = script("""
 -- ARGV[7] how the owner's word begins.
 if not owned_by(ARGV[7]) then return 0 end
-if redis.call('HGET', KEYS[1], 'cancel') == '1' then finish('cancelled', '') else requeue() end
+if record.cancel == '1' then finish('cancelled', '') else requeue() end
 return 1
-"""
-)
+""")
 """Put a running job back to queued: for the main process of a worker that returns the message and ends."""
 
 RENEW = """
