@@ -11,6 +11,7 @@ from typing import TypeVar
 
 from fastapi.concurrency import run_in_threadpool
 from redis.asyncio import Redis
+from redis.asyncio.client import PubSub
 from redis.exceptions import RedisError
 
 from worker.address import redis_url
@@ -40,10 +41,10 @@ class Bell(asyncio.Event):
 
 
 class StatusWatch:
-    """One subscription for the whole process, which wakes those who wait for a job when something happens.
+    """One connection for the whole process, over which those are woken who wait for a job.
 
-    Whoever waits does so for a text: ``<id>`` for all events of a job, ``<id> end`` for the last one of a job
-    or sweep.
+    All ends are heard of, but what else happens to a job only where somebody follows it. Whoever waits does
+    so for a text: the id of the job or sweep whose end is awaited, or the channel of a job that is followed.
     """
 
     def __init__(self, store: JobStore, settings: QueueSettings) -> None:
@@ -52,6 +53,7 @@ class StatusWatch:
         self._waiting: defaultdict[str, set[Bell]] = defaultdict(set)
         self._deaf = False
         self._listening = False
+        self._subscribed: PubSub | None = None
 
     @contextlib.asynccontextmanager
     async def running(self) -> AsyncIterator[None]:
@@ -69,7 +71,7 @@ class StatusWatch:
 
     def ending(self, named: str) -> contextlib.AbstractContextManager[Bell]:
         """Listen for the end of the job or sweep ``named`` as long as the context lasts."""
-        return self._woken(f"{named} end")
+        return self._woken(named)
 
     async def final(self, job_id: str, seconds: float, ended: Bell | None = None) -> JobRecord:
         """Return the job when its status is final, or as it is after ``seconds``; ``ended``: see `until`."""
@@ -120,7 +122,12 @@ class StatusWatch:
         """
         clock = asyncio.get_running_loop().time
         spoke = clock()
-        with self._woken(job_id) as woken:
+        channel = self._store.channel_of(job_id)
+        with self._woken(channel) as woken:
+            # Where there is no connection now, the next one begins with all that is followed.
+            if self._subscribed is not None:
+                with contextlib.suppress(RedisError):
+                    await self._subscribed.subscribe(channel)
             while True:
                 woken.clear()
                 try:
@@ -174,33 +181,46 @@ class StatusWatch:
 
     async def _follow(self) -> None:
         client = Redis.from_url(redis_url(self._settings.broker), socket_connect_timeout=2.0)
-        async with client, client.pubsub() as channel:
-            await channel.subscribe(self._store.channel)
-            while True:
-                message = await channel.get_message(timeout=30.0)
-                if message is None:
-                    # Silence for long may be a dead connection: an answer, or an error, tells.
-                    await channel.ping()
-                elif message["type"] == "subscribe":
-                    if self._deaf:
-                        logger.warning("messages from the broker again")
-                    self._deaf = False
-                    self._listening = True
-                    # Whatever changed while nobody listened is seen by a fresh look.
-                    self._wake(tuple(self._waiting))
-                elif message["type"] == "message":
-                    named, word, *record = message["data"].decode().split(" ", 2)
-                    self._wake([named])
-                    if word == "end":
-                        self._end(named, record)
+        ends = self._store.channel
+        async with client, client.pubsub() as subscribed:
+            await subscribed.subscribe(ends, *(text for text in self._waiting if text.startswith(ends)))
+            self._subscribed = subscribed
+            try:
+                while True:
+                    message = await subscribed.get_message(timeout=30.0)
+                    if message is None:
+                        # Silence for long may be a dead connection: an answer, or an error, tells.
+                        await subscribed.ping()
+                        continue
+                    if message["type"] not in ("message", "subscribe"):
+                        continue
+                    channel = message["channel"].decode()
+                    if message["type"] == "subscribe":
+                        self._hear(channel)
+                    elif channel == ends:
+                        self._end(*message["data"].decode().split(" ", 1))
+                    elif channel in self._waiting:
+                        self._wake([channel])
+                    else:
+                        await subscribed.unsubscribe(channel)
+            finally:
+                self._subscribed = None
 
-    def _end(self, named: str, record: list[str]) -> None:
-        text = f"{named} end"
-        if record and text in self._waiting:
-            told = record_told(record[0])
-            for bell in self._waiting[text]:
+    def _hear(self, channel: str) -> None:
+        """Let those look who wait for what comes by a channel: it may have come before anybody listened."""
+        if channel == self._store.channel:
+            if self._deaf:
+                logger.warning("messages from the broker again")
+            self._deaf = False
+            self._listening = True
+        self._wake(tuple(self._waiting) if channel == self._store.channel else [channel])
+
+    def _end(self, named: str, record: str | None = None) -> None:
+        if record is not None and named in self._waiting:
+            told = record_told(record)
+            for bell in self._waiting[named]:
                 bell.record = told
-        self._wake([text])
+        self._wake([named, self._store.channel_of(named)])
 
     def _wake(self, texts: Iterable[str]) -> None:
         for text in texts:

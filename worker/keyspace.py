@@ -36,10 +36,7 @@ class Keyspace:
     def __init__(self, redis: Redis, settings: QueueSettings) -> None:
         self.redis = redis
         self.channel = f"{settings.prefix}status"
-        """Channel of what happens to jobs: ``<id> status``, ``<id> progress``, at last ``<id> end <record>``.
-
-        `record_told` reads the record. A sweep only has its end, and that without a record.
-        """
+        """Channel of ends: ``<id> <record>``, which `record_told` reads; of a sweep ``<id>`` alone."""
         self.hooks = HookList(redis, settings)
         self.results_kept = Results(redis, settings)
         """What stands under the result's key of a job, packed and unpacked."""
@@ -68,6 +65,10 @@ class Keyspace:
         self._pin = self._script(submitting.PIN)
         self._erase = self._script(_EVEN_IF_FULL + submitting.ERASE)
         self._answer = self._script(submitting.ANSWER)
+
+    def channel_of(self, job_id: str) -> str:
+        """Return the channel of whatever happens to a job: that it has come by, or by how many bytes."""
+        return f"{self.channel}:{job_id}"
 
     def get(self, job_id: str) -> JobRecord:
         """Return the record of a job."""

@@ -43,7 +43,7 @@ if redis.call('HSETNX', KEYS[3], ARGV[1], ARGV[2]) == 0 then return 0 end
 if redis.call('HLEN', KEYS[3]) == tonumber(redis.call('HGET', KEYS[1], 'count')) then
   redis.call('HSET', KEYS[1], 'finished_at', ARGV[4])
   for _, key in ipairs(KEYS) do redis.call('EXPIRE', key, ARGV[3]) end
-  redis.call('PUBLISH', ARGV[5], ARGV[6] .. ' end')
+  redis.call('PUBLISH', ARGV[5], ARGV[6])
 end
 return 1
 """

@@ -311,21 +311,22 @@ def test_one_call_looks_at_a_bounded_number_of_jobs(store: JobStore) -> None:
     assert after is None
 
 
-def test_what_happens_is_published_and_with_the_end_the_record(store: JobStore, redis: Redis) -> None:
+def test_what_happens_is_published_to_whom_it_concerns(store: JobStore, redis: Redis) -> None:
+    """Ends to everybody, with the record; that anything happened to those who follow the job."""
+    followed, other = add(store), add(store)
     with redis.pubsub(ignore_subscribe_messages=True) as listener:
-        listener.subscribe(store.channel)
-        listener.get_message(timeout=5)
-        job_id = add(store)
-        ended(store, job_id)
-        heard = []
-        while (message := listener.get_message(timeout=1)) is not None:
-            heard.append(message["data"].decode())
-            if len(heard) == 2:
-                break
-    assert heard[0] == f"{job_id} status"
-    named, word, record = heard[1].split(" ", 2)
-    assert (named, word) == (job_id, "end")
-    assert record_told(record) == store.get(job_id)
+        listener.subscribe(store.channel, store.channel_of(followed))
+        heard: list[tuple[str, str]] = []
+        for job_id in (followed, other):
+            ended(store, job_id)
+        while len(heard) < 3:
+            message = listener.get_message(timeout=5)
+            if message is not None:
+                heard.append((message["channel"].decode(), message["data"].decode()))
+    assert heard[0] == (store.channel_of(followed), "")
+    for (channel, text), job_id in zip(heard[1:], (followed, other), strict=True):
+        named, record = text.split(" ", 1)
+        assert (channel, named, record_told(record)) == (store.channel, job_id, store.get(job_id))
 
 
 def told(store: JobStore, job_id: str) -> list[object]:

@@ -83,7 +83,8 @@ end
 local function note(event, data)
   redis.call('XADD', KEYS[6], 'MAXLEN', '~', 1000, '*', 'event', event, 'data', data)
 end
-local function tell(word) redis.call('PUBLISH', ARGV[2], ARGV[1] .. ' ' .. word) end
+-- Wake those who follow this job, if there are any.
+local function tell() redis.call('PUBLISH', ARGV[2] .. ':' .. ARGV[1], '') end
 local function note_status()
   note('status', '{"status":"' .. record.status .. '","attempts":' .. (record.attempts or 0)
     .. ',"cancel_requested":' .. tostring(record.cancel == '1')
@@ -116,7 +117,7 @@ local function finish(to, failure)
   move(to)
   if record.pinned ~= '1' then expire() end
   -- With the record, so that whoever waits for the end need not ask.
-  tell('end ' .. cjson.encode(words_of(record)))
+  redis.call('PUBLISH', ARGV[2], ARGV[1] .. ' ' .. cjson.encode(words_of(record)))
 end
 local function overdue() return record.deadline_at and tonumber(record.deadline_at) <= tonumber(ARGV[3]) end
 local function keep(result, bytes)
@@ -127,7 +128,7 @@ end
 local function requeue()
   for _, name in ipairs({'owner', 'started_at', 'progress'}) do drop(name) end
   move('queued')
-  tell('status')
+  tell()
 end
 -- Count a lost worker; false if that was the end of the job.
 local function survives(losses, failure)

@@ -32,7 +32,7 @@ set('attempts', (record.attempts or 0) + 1)
 drop('progress')
 count('attempts')
 move('running')
-tell('status')
+tell()
 return assignment()
 """)
 """Make the job running and this solve its owner.
@@ -50,7 +50,7 @@ if ARGV[8] ~= '' then
   set('progress', ARGV[8])
   renewed()
   note('progress', ARGV[9])
-  tell('progress')
+  tell()
 end
 if record.cancel == '1' then return 'cancel' end
 return 'go'

@@ -49,7 +49,7 @@ elseif record.status == 'running' and record.cancel ~= '1' then
   set('cancel', '1')
   renewed()
   note_status()
-  tell('status')
+  tell()
 end
 return record.status
 """)
