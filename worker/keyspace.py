@@ -35,7 +35,7 @@ class Keyspace:
 
     def __init__(self, redis: Redis, settings: QueueSettings) -> None:
         self.redis = redis
-        self.channel = f"{settings.prefix}status"
+        self.channel = f"{settings.prefix}ends"
         """Channel of ends: ``<id> <record>``, which `record_told` reads; of a sweep ``<id>`` alone."""
         self.hooks = HookList(redis, settings)
         self.results_kept = Results(redis, settings)

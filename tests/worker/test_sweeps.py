@@ -119,7 +119,7 @@ def test_an_ending_that_nobody_noted_is_found(
     assert [row.status for row in sweeps.table(sweep.id)] == ["succeeded", "cancelled", "gone"]
     assert sweeps.get(sweep.id).finished_at is not None
     # Noted once and for all: the table lives as long as the jobs were to.
-    assert redis.ttl(f"{store.channel.removesuffix('status')}sweep:{sweep.id}:ends") > 0
+    assert redis.ttl(f"{store.prefix}sweep:{sweep.id}:ends") > 0
 
 
 def test_what_is_noted_first_stays(sweeps: SweepStore, sweep: SweepRecord) -> None:
