@@ -189,6 +189,14 @@ def test_the_slew_that_leaves_no_plant_swinging(flexible_spacecraft: dict[str, A
     assert [item["code"] for item in result["warnings"]] == ["implied_ends"]
     lengths = np.diff([0.0, *result["switching"]["T"]["times"], result["final_time"]])
     assert lengths.size == 10
+    # Only the way between both angles counts, and the time from the start; the bounds are alike.
+    slopes = result["sensitivity"]
+    assert slopes["/problem/final_state/theta"] > 1
+    assert slopes["/problem/initial_state/theta"] == pytest.approx(
+        -slopes["/problem/final_state/theta"], rel=1e-6
+    )
+    assert slopes["/problem/bounds/T/0"] == pytest.approx(-slopes["/problem/bounds/T/1"], rel=1e-4)
+    assert slopes["/problem/initial_time"] == pytest.approx(1, abs=1e-6)
     ends = ends_of(lengths, STIFFNESSES)
     assert ends[[0, 1, 2, 3, 5, 7, 9, 11]] == pytest.approx([np.pi / 6] + [0] * 7, abs=1e-9)
     moved = [[ends_of(lengths + step, STIFFNESSES) for step in side * np.eye(10)] for side in (1e-4, -1e-4)]
