@@ -66,9 +66,9 @@ def problem_size(spec: JobSpec) -> ProblemSize:
 
 def _mesh_size(spec: JobSpec) -> ProblemSize:
     if spec.problem.phases:
-        flight = formulate_phases(spec.problem, spec.verification_tolerances()["terminal_error"])
+        flight = formulate_phases(spec.problem, spec.implied_tolerance())
         return _flight_size(flight.problem, spec.method)
-    formulation = formulate(spec.problem, spec.verification_tolerances()["terminal_error"])
+    formulation = formulate(spec.problem, spec.implied_tolerance())
     match spec.method:
         case PiecewiseMethod():
             problem = formulation.plants[0].problem

@@ -57,7 +57,7 @@ def solve(
     if isinstance(spec.method, PiecewiseMethod):
         return solve_piecewise(spec, progress or SilentProgress(), min(spec.options.max_seconds, seconds))
     started = time.perf_counter()
-    allowed = spec.verification_tolerances()["terminal_error"]
+    allowed = spec.implied_tolerance()
     formulation = formulate(spec.problem, allowed)
     seconds = min(spec.options.max_seconds, seconds)
     if isinstance(spec.method, GeneticMethod):

@@ -4,8 +4,9 @@ Plants that differ in stiffness alone turn alike as a whole: what brings one of 
 momentum of all to zero. Asked for exactly in every plant, such conditions are dependent but for terms of
 second order, and a discretisation contradicts itself; what can be done at second order takes another command
 and far longer. So those that follow to first order are held and judged as loosely as on a fixed mesh, however
-exact all else is to be; what is not controllable to first order gains nothing from that. An end that must be
-closer is said as an interval, which is held as it is.
+exact all else is to be, unless the document says by itself what its verification allows; what is not
+controllable to first order gains nothing from that. An end that must be closer is said as an interval, which
+is held as it is.
 
 What can be reached is the span of B, A B, A^2 B, ... of the linearisation at the end (Kalman), found by
 Arnoldi's process in scaled states.
@@ -29,14 +30,8 @@ _DEPENDENT = 1e-6
 _STEP = 1e-6
 # From rest to rest the fastest moment is twice as fast as the mean.
 _FASTEST = 2.0
-# What the verification allows at least, relative to scales, and the part of what it allows that is used.
-_LEAST = 1e-2
+# The part of what the verification allows that is used.
 _SHARE = 0.1
-
-
-def implied_limit(tolerance: float) -> float:
-    """The relative error of an implied final state that is allowed where ``tolerance`` is asked of others."""
-    return max(tolerance, _LEAST)
 
 
 def relaxed_ends(
@@ -44,7 +39,7 @@ def relaxed_ends(
 ) -> tuple[OptimalControlProblem, list[str]]:
     """Widen the final values that follow from the others; ``plants``: the states of each, the leading first.
 
-    ``tolerance``: the relative error of a final state that the verification allows. Returns the problem and
+    ``tolerance``: the relative error of such a final state that is allowed. Returns the problem and
     the names of the states whose ends were widened.
     """
     if any(lower < upper for lower, upper in problem.initial_state):
@@ -69,7 +64,7 @@ def relaxed_ends(
             del held[best]
     ends = list(problem.final_state)
     for index in implied:
-        room = _SHARE * implied_limit(tolerance) * scale[index]
+        room = _SHARE * tolerance * scale[index]
         ends[index] = ends[index][0] - room, ends[index][1] + room
     return replace(problem, final_state=tuple(ends)), [problem.states[index] for index in implied]
 

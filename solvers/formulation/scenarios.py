@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from solvers.expressions import named
-from solvers.formulation.implied_ends import implied_limit, relaxed_ends, relaxed_like
+from solvers.formulation.implied_ends import relaxed_ends, relaxed_like
 from solvers.formulation.lifting import corners, lifted, nonsmooth, with_peak
 from solvers.formulation.plant_objectives import (
     LEVEL,
@@ -61,7 +61,8 @@ def implied_warnings(states: Sequence[str]) -> list[dict[str, str]]:
     detail = (
         f"The ends of {', '.join(states)} follow from the other ends to first order; they are held"
         " as loosely as on a fixed mesh, and verification.states of each plant says how far off they are."
-        " Give a case its final_state as an interval where that is too far."
+        " Where that is too far, give a case its final_state as an interval, or the document"
+        " options.verification.terminal_error."
     )
     return [{"code": "implied_ends", "pointer": "/problem/scenarios", "detail": detail}]
 
@@ -69,8 +70,9 @@ def implied_warnings(states: Sequence[str]) -> list[dict[str, str]]:
 def formulate(spec: ProblemSpec, tolerance: float = 0.0, like: Formulation | None = None) -> Formulation:
     """The problem of a checked document; without scenarios it has one plant, of no name.
 
-    ``tolerance``: the relative error of a final state that the verification allows. ``like``: what is solved
-    for nearly the same document, whose ends that follow from others need not be looked for again.
+    ``tolerance``: the relative error that is allowed of final states that follow from others
+    (`JobSpec.implied_tolerance`). ``like``: what is solved for nearly the same document, whose ends that
+    follow from others need not be looked for again.
     """
     if spec.scenarios is None:
         problem = stated_problem(spec)
@@ -84,7 +86,7 @@ def formulate(spec: ProblemSpec, tolerance: float = 0.0, like: Formulation | Non
         problem, implied = relaxed_ends(whole, [part.problem.states for part in parts], tolerance)
     else:
         problem, implied = relaxed_like(whole, like.simulated, like.implied), [*like.implied]
-    plants = tuple(part.plant.with_implied(implied, implied_limit(tolerance)) for part in parts)
+    plants = tuple(part.plant.with_implied(implied, tolerance) for part in parts)
     return Formulation(lifted(problem), problem, plants, tuple(implied))
 
 

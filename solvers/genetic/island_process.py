@@ -33,7 +33,7 @@ def main(descriptor: int) -> None:
 def _prepared(document: object, earlier: AnyTrajectory | None) -> tuple[Stage, GeneticMethod]:
     spec = check_document(document)
     assert isinstance(spec.method, GeneticMethod)
-    problem = formulate(spec.problem, spec.verification_tolerances()["terminal_error"]).simulated
+    problem = formulate(spec.problem, spec.implied_tolerance()).simulated
     stages = Stages.of(problem, automatic_scaling(problem), spec.method, earlier)
     return stages.at(0), spec.method
 

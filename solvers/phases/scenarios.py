@@ -10,7 +10,7 @@ from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 from solvers.expressions import Expression, named, renamed
-from solvers.formulation.implied_ends import implied_limit, relaxed_ends
+from solvers.formulation.implied_ends import relaxed_ends
 from solvers.formulation.lifting import lifted
 from solvers.formulation.plant_objectives import (
     LEVEL,
@@ -71,10 +71,9 @@ def formulate_phases(spec: ProblemSpec, tolerance: float = 0.0) -> PhasedFormula
         )
     crew = [_member(case, flight_of(case.spec)) for case in cases_of(spec)]
     whole, implied = _implied(_together(crew, spec.scenarios.choice), crew, tolerance)
-    limit = implied_limit(tolerance)
     plants = tuple(
         FlightPlant(
-            own.name, own.flight, tuple(part.plant.with_implied(implied, limit) for part in own.parts)
+            own.name, own.flight, tuple(part.plant.with_implied(implied, tolerance) for part in own.parts)
         )
         for own in crew
     )

@@ -45,7 +45,7 @@ def solve_phases(
 ) -> PhasedSolution:
     """Solve a checked document with phases and verify the answer; see :func:`solvers.solve.solve`."""
     started = time.perf_counter()
-    allowed = spec.verification_tolerances()["terminal_error"]
+    allowed = spec.implied_tolerance()
     formulation = formulate_phases(spec.problem, allowed)
     session = PhasedSession(
         problem=formulation.problem,

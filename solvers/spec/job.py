@@ -11,6 +11,7 @@ from solvers.spec.command import CommandSpec
 from solvers.spec.faults import Flaws, kind_of, refuse
 from solvers.spec.fields import Check, Count, Flag, FreeObject, Real, Text
 from solvers.spec.genetic import GeneticMethod
+from solvers.spec.method_model import MESH_TOLERANCE
 from solvers.spec.methods import AutoMethod, Method
 from solvers.spec.problem import ProblemSpec
 from solvers.spec.resolution import Resolution, resolve
@@ -161,6 +162,14 @@ class JobSpec(SpecModel):
         own = self.method.verification_tolerance
         tolerances = {name: getattr(given, name) for name in Verification.model_fields}
         return {name: own if value is None else float(value) for name, value in tolerances.items()}
+
+    def implied_tolerance(self) -> float:
+        """Return the relative error that is allowed of final states which follow from those of other plants.
+
+        What the document says itself, else as on a fixed mesh whatever the method's own is.
+        """
+        given = self.options.verification.terminal_error
+        return max(self.method.verification_tolerance, MESH_TOLERANCE) if given is None else float(given)
 
     def resolved(self) -> Resolution:
         """Return the document with every default written out, what was filled in, and its SHA-256."""

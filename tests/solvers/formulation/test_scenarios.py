@@ -269,6 +269,12 @@ def test_ends_that_follow_from_others_are_found_and_no_more(flexible_spacecraft:
         "final_control": {"T": 0},
         "scenarios": {"cases": [{"name": "soft", "parameters": {"k": 90}}]},
     }
+    flexible_spacecraft["method"] = {"name": "auto"}
+    assert check_document(flexible_spacecraft).implied_tolerance() == 1e-2
+    asked = flexible_spacecraft | {"options": {"verification": {"terminal_error": 1e-5}}}
+    assert check_document(asked).implied_tolerance() == 1e-5
+    (_, soft) = formulate(check_document(asked).problem, 1e-5).plants
+    assert set(soft.implied.values()) == {1e-5}
     formulation = formulate(check_document(flexible_spacecraft).problem, 1e-2)
     assert formulation.implied == ("theta@soft", "theta_dot@soft")
     ends = dict(zip(formulation.problem.states, formulation.problem.final_state, strict=True))
