@@ -206,7 +206,7 @@ class Service:
     def _earlier(self, record: JobRecord, spec: JobSpec) -> tuple[str, bytes] | None:
         """Return an earlier job that answered the same question, and its answer as one of ``record``."""
         resolution = spec.resolved()
-        earlier = self.store.answered(answer_digest(resolution.document))
+        earlier = self.store.answered(record.project, answer_digest(resolution.document))
         if earlier is None:
             return None
         try:
@@ -214,7 +214,7 @@ class Service:
         except ResultsUnavailable as error:
             logger.warning("job %s is solved instead of answered: %s", record.id, error)
             return None
-        if text is None or self.store.project(earlier) != record.project:
+        if text is None:
             return None
         # The answer is the earlier one's, the document and its labels are this one's.
         own = {"job_id": record.id, "reused_from": earlier, "resolved": resolution.to_dict()}

@@ -104,7 +104,8 @@ class Keyspace:
         return [job, f"{job}:document", f"{job}:result", f"{self.prefix}gone:{job_id}"]
 
     def _answer_to(self, digest: str) -> str:
-        return f"{self.prefix}answer:{_VERSION}:{digest}"
+        # The project follows: no job is answered by one of another.
+        return f"{self.prefix}answer:{_VERSION}:{digest}:"
 
     def _stream(self, job_id: str) -> str:
         return f"{self._keys(job_id)[0]}:events"

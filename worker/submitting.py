@@ -194,12 +194,12 @@ class Submitting(Keyspace):
                     self._run(self._cancel, job_id, client=pipe)
                 pipe.execute()
 
-    def answered(self, digest: str) -> str | None:
-        """Return the job that this version of the solvers answered last by ``digest``, None if there is none.
+    def answered(self, project: str, digest: str) -> str | None:
+        """Return the job of a project that this version of the solvers answered last by ``digest``, or None.
 
         It may not be kept any more.
         """
-        job_id = cast(bytes | None, self.redis.get(self._answer_to(digest)))
+        job_id = cast(bytes | None, self.redis.get(self._answer_to(digest) + project))
         return None if job_id is None else job_id.decode()
 
     def answer(self, job_id: str, earlier: str, result: bytes) -> bool:

@@ -81,7 +81,8 @@ def validate(request: Request, service: Shared, body: Body) -> SizeView:
         variables=size.variables,
         constraints=size.constraints,
         nodes=size.nodes,
-        seconds=size.seconds,
+        # An estimate: more digits would promise more.
+        seconds=float(f"{size.seconds:.2g}"),
     )
 
 
@@ -157,9 +158,10 @@ def unpin(service: Shared, job_id: str) -> Response:
 
 
 @router.delete("/jobs/{job_id}", status_code=204, responses=refusals(404, 409, 410, 503))
-def erase(service: Shared, job_id: str) -> None:
+def erase(service: Shared, job_id: str) -> Response:
     """Erase a finished job with its document and result."""
     service.store.erase(job_id)
+    return Response(status_code=204)
 
 
 @router.get("/jobs/{job_id}/spec", responses=refusals(404, 410, 503))

@@ -12,7 +12,7 @@ from worker.backup import BackupError, restore_backup, write_backup
 from worker.claims import Claims
 from worker.queue import JobQueue
 from worker.reconciler import Reconciler
-from worker.records import FailureType, JobError, JobRecord, JobStatus, Priority, new_job_id
+from worker.records import DEFAULT_PROJECT, FailureType, JobError, JobRecord, JobStatus, Priority, new_job_id
 from worker.settings import QueueSettings
 from worker.store import JobStore, compress
 
@@ -60,7 +60,7 @@ def test_jobs_come_back_as_they_were(
         there, here = (redis.ttl(each._keys(job_id)[0]) for each in (other, store))
         assert there == pytest.approx(here, abs=2)
     assert [record.id for record in other.page(10)[0]] == ended[::-1]
-    assert other.answered("digest") == erased
+    assert other.answered(DEFAULT_PROJECT, "digest") == erased
     assert not other.exists(erased)
     assert redis.exists(f"{other.prefix}gone:{erased}")
     assert any(key.startswith(f"{other.prefix}key:".encode()) for key in redis.scan_iter("*key:*"))

@@ -329,6 +329,19 @@ def test_what_happens_is_published_to_whom_it_concerns(store: JobStore, redis: R
         assert (channel, named, record_told(record)) == (store.channel, job_id, store.get(job_id))
 
 
+def test_a_project_is_answered_by_jobs_of_its_own(store: JobStore) -> None:
+    """Whatever another project's jobs have answered since."""
+    jobs = {}
+    for project in ("slews", "rockets"):
+        record = JobRecord(new_job_id(), JobStatus.QUEUED, "swcm", 60.0, time.time(), project=project)
+        store.add(record, DOCUMENT)
+        store.finish(record.id, started(store, record.id), JobStatus.SUCCEEDED, digest="asked")
+        jobs[project] = record.id
+    for project, job_id in jobs.items():
+        assert store.answered(project, "asked") == job_id
+    assert store.answered("slews", "another") is None
+
+
 def told(store: JobStore, job_id: str) -> list[object]:
     """The events of a job: the status of those that tell one, the kind of others."""
     return [event.data["status"] if event.kind == "status" else event.kind for event in store.events(job_id)]

@@ -61,7 +61,7 @@ Answers ``go``, ``cancel`` (somebody asks to stop) or ``lost`` (not ours any mor
 """
 
 FINISH = script("""
--- KEYS[12] where the job is to be found by what it answers, if it may be.
+-- KEYS[12] the key by which the job is found by what it answers, if it may be, but for its project.
 -- ARGV[7] owner, ARGV[8] final status, ARGV[9] error as JSON or '', ARGV[10] compressed result, or where it
 -- is (`worker.results`), or '', ARGV[11] how many bytes it has, ARGV[12] and ARGV[13] the last progress as
 -- REPORT has it.
@@ -71,7 +71,7 @@ if ARGV[12] ~= '' then
   note('progress', ARGV[13])
 end
 if ARGV[10] ~= '' then keep(ARGV[10], ARGV[11]) end
-if KEYS[12] then redis.call('SET', KEYS[12], ARGV[1], 'EX', ARGV[4]) end
+if KEYS[12] then redis.call('SET', KEYS[12] .. record.project, ARGV[1], 'EX', ARGV[4]) end
 finish(ARGV[8], ARGV[9])
 return 1
 """)
