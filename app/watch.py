@@ -208,12 +208,14 @@ class StatusWatch:
 
     def _hear(self, channel: str) -> None:
         """Let those look who wait for what comes by a channel: it may have come before anybody listened."""
-        if channel == self._store.channel:
-            if self._deaf:
-                logger.warning("messages from the broker again")
-            self._deaf = False
-            self._listening = True
-        self._wake(tuple(self._waiting) if channel == self._store.channel else [channel])
+        if channel != self._store.channel:
+            self._wake([channel])
+            return
+        if self._deaf:
+            logger.warning("messages from the broker again")
+        self._deaf = False
+        self._listening = True
+        self._wake(tuple(self._waiting))
 
     def _end(self, named: str, record: str | None = None) -> None:
         if record is not None and named in self._waiting:

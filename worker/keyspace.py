@@ -23,9 +23,6 @@ from worker.scripts import caring, solving, submitting
 from worker.settings import QueueSettings
 
 _MEMORY = 30 * 86_400
-# A server without room refuses a script at its first write, if that takes some (`maxmemory` of Redis): this
-# one takes none, so that what makes room is done all the same.
-_EVEN_IF_FULL = "redis.call('ZREM', KEYS[5], '')\n"
 # Read once: it takes as long as three exchanges with the server.
 _VERSION = version("ondelette")
 
@@ -61,13 +58,13 @@ class Keyspace:
         self._reclaim = self._script(caring.RECLAIM)
         self._hand_back = self._script(solving.HAND_BACK)
         self._give_up = self._script(caring.GIVE_UP)
-        self._cancel = self._script(_EVEN_IF_FULL + submitting.CANCEL)
+        self._cancel = self._script(submitting.CANCEL)
         self._pin = self._script(submitting.PIN)
-        self._erase = self._script(_EVEN_IF_FULL + submitting.ERASE)
+        self._erase = self._script(submitting.ERASE)
         self._answer = self._script(submitting.ANSWER)
 
     def channel_of(self, job_id: str) -> str:
-        """Return the channel of whatever happens to a job: that it has come by, or by how many bytes."""
+        """Return the channel by which those who follow a job hear, without a word, that it has changed."""
         return f"{self.channel}:{job_id}"
 
     def get(self, job_id: str) -> JobRecord:
@@ -137,16 +134,6 @@ class Keyspace:
 
     def _active_of(self, project: str) -> str:
         return f"{self.prefix}active:{project}"
-
-    def _records(self, ids: Sequence[bytes], index: str) -> list[JobRecord]:
-        with self.redis.pipeline(transaction=False) as pipe:
-            for job_id in ids:
-                pipe.hgetall(self._keys(job_id.decode())[0])
-            hashes = pipe.execute() if ids else []
-        expired = [job_id for job_id, fields in zip(ids, hashes, strict=True) if not fields]
-        if expired:
-            self.redis.zrem(index, *expired)
-        return [record_of(fields) for fields in hashes if fields]
 
 
 def record_of(fields: dict[bytes, bytes]) -> JobRecord:

@@ -247,7 +247,7 @@ class Submitting(Keyspace):
         top = "+" if after is None else f"({after}"
         for _ in range(_SCANS_PER_PAGE):
             ids = cast(list[bytes], self.redis.zrevrangebylex(index, top, "-", start=0, num=_SCAN))
-            records = self._records(ids, index)
+            records = self._still_there([job_id.decode() for job_id in ids], index)
             for record in filter(wanted, records):
                 if len(found) == limit:
                     return found, found[-1].id
@@ -257,6 +257,14 @@ class Submitting(Keyspace):
             after = ids[-1].decode()
             top = f"({after}"
         return found, after
+
+    def _still_there(self, job_ids: Sequence[str], index: str) -> list[JobRecord]:
+        """Return the records of those jobs that are remembered, and take the others off an ``index``."""
+        found = dict(zip(job_ids, self.records(job_ids), strict=True))
+        expired = [job_id for job_id, record in found.items() if record is None]
+        if expired:
+            self.redis.zrem(index, *expired)
+        return [record for record in found.values() if record is not None]
 
     def counts(self) -> Counts:
         """Return the numbers over all jobs."""

@@ -145,3 +145,12 @@ end
 def script(body: str) -> str:
     """Return the text of a script about one job; what ``body`` returns is its answer."""
     return f"{_COMMON}local function main()\n{body}end\nlocal answer = main()\nsave()\nreturn answer\n"
+
+
+def script_that_makes_room(body: str) -> str:
+    """Return the text of a script about one job that a server without room runs too.
+
+    Such a server (``maxmemory`` of Redis) refuses a script at its first write, if that takes room. Here the
+    first one takes none.
+    """
+    return f"redis.call('ZREM', KEYS[5], '')\n{script(body)}"

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from worker.scripts.common import script
+from worker.scripts.common import script, script_that_makes_room
 
 ADD = script("""
 -- KEYS[12] index of all jobs, KEYS[13] of the project, KEYS[14] its active jobs, KEYS[15] projects, KEYS[16]
@@ -42,7 +42,7 @@ return 1
 """)
 """End a waiting job with the answer of an earlier one: 1 if it waited, 0 if nothing was written."""
 
-CANCEL = script("""
+CANCEL = script_that_makes_room("""
 if record.status == 'queued' then
   finish('cancelled', '')
 elseif record.status == 'running' and record.cancel ~= '1' then
@@ -71,7 +71,7 @@ return now
 """)
 """Take an ended job's time of keeping away or give it one; answers the status or nothing."""
 
-ERASE = script("""
+ERASE = script_that_makes_room("""
 -- KEYS[12] the index.
 local now = record.status
 if not now or now == 'queued' or now == 'running' then return now end
